@@ -1,0 +1,226 @@
+"""Parts → contacts: where neighbouring parts share a flat interface.
+
+A contact is a segment in 2D and a polygon in 3D. `find_contacts` also reports what nearly is one, so that a
+drawing error shows up by name instead of as a structure that mysteriously falls.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+
+from mocca_robot.assembly import Array, Assembly, Polygon, read_only
+from mocca_robot.errors import InputError
+from mocca_robot.tolerances import TOLERANCES, Tolerances
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A planar interface C_ij^k of the input assembly.
+
+    Attributes:
+        parts: (i, j), indices with i earlier in the sequence than j.
+        polygon: corners: (2, 2) in 2D, along P_i's counter-clockwise boundary; (k, 3) in 3D,
+            counter-clockwise seen from P_j.
+        normal: unit vector from P_i into P_j, (2,) or (3,).
+        k: number of this contact among those of the pair.
+        holes: further boundary loops of a 3D contact, (m, 3) each.
+    """
+
+    parts: tuple[int, int]
+    polygon: Array
+    normal: Array
+    k: int = 0
+    holes: tuple[Array, ...] = field(default=())
+
+    @property
+    def measure(self) -> float:
+        """Return the length (2D, m) or area (3D, m²)."""
+        if self.polygon.shape[1] == 2:
+            return float(np.linalg.norm(self.polygon[1] - self.polygon[0]))
+        area = 0.0
+        for ring in (self.polygon, *self.holes):
+            d = ring - ring[0]
+            area += 0.5 * float(np.cross(d[:-1], d[1:]).sum(axis=0) @ self.normal)
+        return abs(area)
+
+    @property
+    def centre(self) -> Array:
+        """Return the mean of the corners, a point on the contact (for convex contacts inside it)."""
+        return np.asarray(self.polygon.mean(axis=0))
+
+
+@dataclass(frozen=True)
+class NearMiss:
+    """Two parallel faces that almost touch: `gap_m` apart over `extent` (m or m²)."""
+
+    parts: tuple[str, str]
+    gap_m: float
+    extent: float
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Two parts that penetrate each other, `depth_m` at the deepest."""
+
+    parts: tuple[str, str]
+    depth_m: float
+
+
+@dataclass(frozen=True)
+class ContactReport:
+    """What `find_contacts` saw: contacts, near misses and overlaps (the latter two by part name)."""
+
+    contacts: tuple[Contact, ...]
+    near_misses: tuple[NearMiss, ...] = ()
+    overlaps: tuple[Overlap, ...] = ()
+
+
+def find_contacts(assembly: Assembly, tolerances: Tolerances = TOLERANCES) -> ContactReport:
+    """Return all contacts between the parts of `assembly`, exact up to `tolerances.contact_gap` × size.
+
+    Contacts come sorted by pair, then along the boundary of the earlier part. Parts that overlap, and faces
+    that nearly touch, are reported rather than raised: `require_sound` turns overlaps into an error.
+    """
+    if assembly.dimension == 3:
+        from mocca_robot.contacts3d import find_contacts_3d
+
+        return find_contacts_3d(assembly, tolerances)
+    return _find_contacts_2d(assembly, tolerances)
+
+
+def require_sound(assembly: Assembly, report: ContactReport) -> None:
+    """Raise InputError when parts overlap, none is fixed, or a part touches nothing."""
+    if not assembly.fixed.any():
+        raise InputError(
+            f"No part of '{assembly.name}' is fixed; mark at least one as fixed (it stands on the ground)."
+        )
+    if report.overlaps:
+        worst = max(report.overlaps, key=lambda o: o.depth_m)
+        others = f" ({len(report.overlaps) - 1} more pairs overlap)" if len(report.overlaps) > 1 else ""
+        raise InputError(
+            f"Parts '{worst.parts[0]}' and '{worst.parts[1]}' overlap by {worst.depth_m * 1e3:.4g} mm; "
+            f"parts may touch but not penetrate.{others}"
+        )
+    touched = {p for c in report.contacts for p in c.parts}
+    for index, part in enumerate(assembly.parts):
+        if index not in touched and not part.fixed:
+            near = [n for n in report.near_misses if part.name in n.parts]
+            hint = (
+                f"its nearest parallel face is {near[0].gap_m * 1e3:.4g} mm away from "
+                f"'{next(p for p in near[0].parts if p != part.name)}'; close that gap"
+                if near
+                else "move it against a neighbour or remove it"
+            )
+            raise InputError(
+                f"Part '{part.name}' floats free: it shares no face with any other part; {hint}."
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class _Edges:
+    """All boundary edges of an assembly as arrays; the solid lies to the left of start → end."""
+
+    part: Array
+    start: Array
+    end: Array
+    direction: Array
+    length: Array
+
+    @classmethod
+    def of(cls, assembly: Assembly) -> _Edges:
+        part, start, end = [], [], []
+        for index, p in enumerate(assembly.parts):
+            assert isinstance(p.shape, Polygon)
+            for ring in p.shape.rings:
+                part.append(np.full(len(ring), index))
+                start.append(ring)
+                end.append(np.roll(ring, -1, axis=0))
+        starts, ends = np.concatenate(start), np.concatenate(end)
+        delta = ends - starts
+        length = np.linalg.norm(delta, axis=1)
+        return cls(np.concatenate(part), starts, ends, delta / np.maximum(length, 1e-300)[:, None], length)
+
+
+def _find_contacts_2d(assembly: Assembly, tolerances: Tolerances) -> ContactReport:
+    size = assembly.size
+    gap, near = tolerances.contact_gap * size, tolerances.near_miss * size
+    edges = _Edges.of(assembly)
+    tree = shapely.STRtree(shapely.linestrings(np.stack([edges.start, edges.end], axis=1)))
+    a, b = tree.query(tree.geometries, predicate="dwithin", distance=near)
+    keep = edges.part[a] < edges.part[b]
+    a, b = a[keep], b[keep]
+    antiparallel = np.einsum("ij,ij->i", edges.direction[a], edges.direction[b])
+    a, b = a[antiparallel < -0.9], b[antiparallel < -0.9]
+
+    t = edges.direction[a]
+    outward = np.stack([t[:, 1], -t[:, 0]], axis=1)
+    relative_start, relative_end = edges.start[b] - edges.start[a], edges.end[b] - edges.start[a]
+    s0 = np.einsum("ij,ij->i", relative_end, t).clip(0.0, edges.length[a])
+    s1 = np.einsum("ij,ij->i", relative_start, t).clip(0.0, edges.length[a])
+    # Gap of b's line over the shared stretch, at both of its ends.
+    slope_length = np.einsum("ij,ij->i", relative_start - relative_end, t)
+    d_end = np.einsum("ij,ij->i", relative_end, outward)
+    d_start = np.einsum("ij,ij->i", relative_start, outward)
+    along_end = np.einsum("ij,ij->i", relative_end, t)
+    rate = (d_start - d_end) / np.where(np.abs(slope_length) > 0, slope_length, 1.0)
+    gap0, gap1 = d_end + rate * (s0 - along_end), d_end + rate * (s1 - along_end)
+    widest = np.maximum(np.abs(gap0), np.abs(gap1))
+    long_enough = s1 - s0 > tolerances.min_contact * size
+    touching = long_enough & (widest <= gap)
+
+    found: list[tuple[int, int, float, Array, Array]] = []
+    for e in np.flatnonzero(touching):
+        # An end of a shared stretch is always a corner of one of the two parts: take its exact coordinates.
+        p1 = edges.start[a[e]] if s0[e] <= gap else edges.end[b[e]]
+        p2 = edges.end[a[e]] if s1[e] >= edges.length[a[e]] - gap else edges.start[b[e]]
+        found.append(
+            (int(edges.part[a[e]]), int(edges.part[b[e]]), float(a[e]), np.stack([p1, p2]), outward[e])
+        )
+    found.sort(key=lambda f: (f[0], f[1], f[2], float(f[3][0] @ t[0])))
+    contacts: list[Contact] = []
+    for i, j, _, segment, normal in found:
+        k = sum(c.parts == (i, j) for c in contacts)
+        contacts.append(Contact((i, j), read_only(segment), read_only(normal), k))
+
+    overlaps = _overlaps_2d(assembly, tolerances.overlap_depth * size)
+    overlapping = {o.parts for o in overlaps}
+    pairs_in_contact = {c.parts for c in contacts}
+    misses: dict[tuple[str, str], NearMiss] = {}
+    for e in np.flatnonzero(long_enough & ~touching & (widest <= near)):
+        pair = (int(edges.part[a[e]]), int(edges.part[b[e]]))
+        names = (assembly.parts[pair[0]].name, assembly.parts[pair[1]].name)
+        nearly_parallel = abs(gap1[e] - gap0[e]) <= 0.05 * (s1[e] - s0[e])
+        if pair in pairs_in_contact or names in overlapping or not nearly_parallel:
+            continue
+        if names not in misses or widest[e] < misses[names].gap_m:
+            misses[names] = NearMiss(names, float(widest[e]), float(s1[e] - s0[e]))
+    return ContactReport(tuple(contacts), tuple(misses.values()), overlaps)
+
+
+def _overlaps_2d(assembly: Assembly, depth: float) -> tuple[Overlap, ...]:
+    """Return pairs whose intersection still has area after shrinking it by half the allowed depth."""
+    shapes = np.array([to_shapely(p.shape) for p in assembly.parts if isinstance(p.shape, Polygon)])
+    tree = shapely.STRtree(shapes)
+    a, b = tree.query(shapes, predicate="intersects")
+    keep = a < b
+    found = []
+    for i, j in zip(a[keep], b[keep]):
+        common = shapely.intersection(shapes[i], shapes[j])
+        if shapely.area(common) <= 0.0 or common.buffer(-0.5 * depth).is_empty:
+            continue
+        found_depth = 2.0 * float(shapely.maximum_inscribed_circle(_largest(common)).length)
+        found.append(Overlap((assembly.parts[i].name, assembly.parts[j].name), found_depth))
+    return tuple(found)
+
+
+def _largest(geometry: shapely.Geometry) -> shapely.Geometry:
+    pieces = [g for g in shapely.get_parts(geometry) if g.geom_type == "Polygon"]
+    return max(pieces, key=shapely.area)
+
+
+def to_shapely(polygon: Polygon) -> shapely.Polygon:
+    """Return `polygon` as a shapely polygon."""
+    return shapely.Polygon(polygon.exterior, polygon.holes)

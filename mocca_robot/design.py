@@ -1,0 +1,50 @@
+"""What a design run leaves behind, and the independent check of it from nothing but its geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from mocca_robot.assembly import Array, Assembly
+from mocca_robot.joints.joint import Joint
+
+
+@dataclass(frozen=True, eq=False)
+class Insertion:
+    """How a part goes in: along `direction` (d,), unit, or any direction within `alpha_rad` of it."""
+
+    part: str
+    direction: Array
+    alpha_rad: float
+
+
+@dataclass(frozen=True)
+class CaseResult:
+    """A load case's infeasibility E/|w|² with the input's contacts and with the designed joints."""
+
+    name: str
+    infeasibility_before: float
+    infeasibility_after: float
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """A designed assembly.
+
+    Attributes:
+        source: the assembly as it was handed in.
+        assembly: the same parts with the joints cut in; exact geometry.
+        joints: one per contact of the source, planar ones included.
+        insertion: one per free part, in assembly order.
+        load_cases: every case the goals ask for.
+        seconds: wall time by stage.
+        notes: what a reader should know: contacts too small for a joint, parts that need support, …
+    """
+
+    source: Assembly
+    assembly: Assembly
+    joints: tuple[Joint, ...]
+    insertion: tuple[Insertion, ...]
+    load_cases: tuple[CaseResult, ...]
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()

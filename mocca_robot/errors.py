@@ -1,0 +1,31 @@
+"""The errors a user can meet. One root, so that a caller can catch everything this package raises."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class MoccaError(Exception):
+    """Root of every error this package raises on purpose.
+
+    A message says what is wrong, where (part, joint, key, waypoint), the value found, the limit it breaks
+    and what to do next, in that order and in one or two sentences.
+    """
+
+
+class InputError(MoccaError):
+    """The input cannot be used as it is: an unreadable file, an unknown name, an impossible geometry."""
+
+
+class EnvironmentNeeded(MoccaError):
+    """Something outside the input is missing: an optional package, OpenGL, a writable folder."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return a clause such as ``"did you mean 'alpha_deg'? Known: …"`` for an unknown `name`."""
+    names = sorted(str(k) for k in known)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    hint = f"did you mean '{close[0]}'? " if close else ""
+    listed = ", ".join(names[:20]) + (", …" if len(names) > 20 else "")
+    return f"{hint}Known: {listed}."

@@ -1,0 +1,87 @@
+"""A joint's built geometry, the same in 2D and 3D: flat facets, each with its corners and its normal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from mocca_robot.assembly import Array, IntArray, read_only
+from mocca_robot.contacts import Contact
+from mocca_robot.motion_cone import MotionCone, generalized_normals
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """J_ij^k: what stands in place of `contact`.
+
+    Attributes:
+        contact: the planar contact it replaces; the joint has the same boundary.
+        kind: 'planar', 'n', 'z', 'bicubic', 'tenon', …
+        direction: the principal direction u, unit, (d,), from P_i towards P_j.
+        vertices: (V, d) points of the surface.
+        facets: (F, 2) segments in 2D, (F, 3) triangles in 3D, oriented so that their normals point from P_i
+            into P_j.
+        parameters: the numbers that generated the surface, for files and reports; metres and radians.
+    """
+
+    contact: Contact
+    kind: str
+    direction: Array
+    vertices: Array
+    facets: IntArray
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def facet_normals(self) -> Array:
+        """Return (F, d) unit normals from P_i into P_j."""
+        corners = self.vertices[self.facets]
+        if self.vertices.shape[1] == 2:
+            t = corners[:, 1] - corners[:, 0]
+            normals = np.stack([t[:, 1], -t[:, 0]], axis=1)
+        else:
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        return read_only(normals / np.linalg.norm(normals, axis=1)[:, None])
+
+    @cached_property
+    def rays(self) -> tuple[Array, Array]:
+        """Return contact points (C, d) and unit normals (C, d): every corner of every facet."""
+        corners = self.vertices[self.facets]
+        k = corners.shape[1]
+        return read_only(corners.reshape(-1, corners.shape[2])), read_only(
+            np.repeat(self.facet_normals, k, axis=0)
+        )
+
+    @property
+    def is_planar(self) -> bool:
+        """Return whether the joint is still the flat contact."""
+        return self.kind == "planar"
+
+    def motion_cone(self, about: Array | None = None, length: float = 1.0) -> MotionCone:
+        """Return V, the motions of P_j against a fixed P_i (Eq. 1), about `about` (default: origin)."""
+        points, normals = self.rays
+        return MotionCone(read_only(generalized_normals(points, normals, about, length)))
+
+
+def planar(contact: Contact) -> Joint:
+    """Return the joint that leaves `contact` as it is."""
+    if contact.polygon.shape[1] == 2:
+        facets: IntArray = np.array([[0, 1]])
+        vertices = contact.polygon
+    else:
+        from mocca_robot.joints.bicubic import triangulated
+
+        vertices, facets = triangulated(contact)
+    return Joint(contact, "planar", contact.normal, vertices, facets)
+
+
+def contact_rays(contacts: Sequence[Contact]) -> tuple[IntArray, Array, Array]:
+    """Return pairs (C, 2), points (C, d) and normals (C, d): every corner of every contact."""
+    if not contacts:
+        raise ValueError("no contacts")
+    pairs = [np.tile(c.parts, (len(c.polygon), 1)) for c in contacts]
+    points = [c.polygon for c in contacts]
+    normals = [np.tile(c.normal, (len(c.polygon), 1)) for c in contacts]
+    return np.concatenate(pairs), np.concatenate(points), np.concatenate(normals)

@@ -1,0 +1,146 @@
+"""Is a set of parts in static equilibrium, how far from it, with which forces or which motion (Eq. 7, 8, 10)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from mocca_robot.assembly import Array, BoolArray, IntArray
+from mocca_robot.errors import InputError
+from mocca_robot.statics.solvers import SolverFailed, kkt_residual, solve
+from mocca_robot.statics.system import ContactSystem
+from mocca_robot.tolerances import TOLERANCES, Tolerances
+
+
+class Status(StrEnum):
+    """Verdict of a statics problem."""
+
+    EQUILIBRIUM = "equilibrium"
+    NOT_IN_EQUILIBRIUM = "not_in_equilibrium"
+    INACCURATE = "inaccurate"
+    """The solver's optimality conditions do not hold well enough for a verdict."""
+
+
+@dataclass(frozen=True, eq=False)
+class EquilibriumResult:
+    """One load case solved.
+
+    Attributes:
+        status: the verdict.
+        infeasibility: E / |w|², dimensionless: 0 = equilibrium, ½ = nothing is held (Eq. 8, torque measured in
+            units of `length` about each part's reference point).
+        forces: (C,) force along each contact normal, N; (C, d) contact force vectors with friction.
+        motions: (N, dof) the collapse motion [velocity at the reference point; angular velocity], per unit of
+            residual force; zero in equilibrium (Eq. 7).
+        kkt: relative residual of the optimality conditions, computed outside the solver.
+    """
+
+    status: Status
+    infeasibility: float
+    forces: Array
+    motions: Array
+    kkt: float
+
+    @property
+    def stands(self) -> bool:
+        """Return whether the verdict is equilibrium."""
+        return self.status is Status.EQUILIBRIUM
+
+
+def equilibrium(
+    pairs: IntArray,
+    points: Array,
+    normals: Array,
+    wrenches: Array,
+    *,
+    fixed: Sequence[int] | BoolArray = (),
+    friction: float = 0.0,
+    about: Array | None = None,
+    length: float | None = None,
+    solver: str = "auto",
+) -> EquilibriumResult | list[EquilibriumResult]:
+    """Return the equilibrium of N parts under external `wrenches`, or one result per stacked load case.
+
+    Args:
+        pairs: (C, 2) part indices (i, j) of each contact point.
+        points: (C, 2 | 3) contact points, metres, world frame.
+        normals: (C, 2 | 3) unit normals from i into j.
+        wrenches: (N, 3 | 6) [force; torque about the origin], or (K, N, 3 | 6) for K load cases.
+        fixed: indices, or an (N,) boolean mask, of the parts that cannot move.
+        friction: Coulomb coefficient; 0 = frictionless.
+        about, length: reference points (N, d) and length unit of the measure E; see `ContactSystem`.
+        solver: name of a solver in `mocca_robot.statics.solvers.SOLVERS`, or 'auto'.
+
+    Raises InputError for shapes that do not fit or numbers that are not finite.
+    """
+    wrenches = np.asarray(wrenches, dtype=np.float64)
+    points = np.asarray(points, dtype=np.float64)
+    dof = 3 if points.shape[-1] == 2 else 6
+    if wrenches.ndim not in (2, 3) or wrenches.shape[-1] != dof:
+        raise InputError(f"wrenches have shape {wrenches.shape}; expected (N, {dof}) or (K, N, {dof}).")
+    if not np.isfinite(wrenches).all():
+        raise InputError("External wrenches must be finite numbers.")
+    if friction < 0 or not np.isfinite(friction):
+        raise InputError(f"Friction coefficient {friction} is not a number ≥ 0.")
+    free = np.ones(wrenches.shape[-2], dtype=np.bool_)
+    free[np.asarray(fixed, dtype=np.bool_ if np.asarray(fixed).dtype == np.bool_ else np.int64)] = False
+    stacked = wrenches if wrenches.ndim == 3 else wrenches[None]
+    if friction > 0:
+        from mocca_robot.statics.friction import equilibrium_with_friction
+
+        results = [
+            equilibrium_with_friction(pairs, points, normals, w, free, friction, about, length)
+            for w in stacked
+        ]
+    else:
+        system = ContactSystem.build(pairs, points, normals, free, about, length)
+        results = [solve_system(system, system.scaled(w), solver=solver) for w in stacked]
+    return results if wrenches.ndim == 3 else results[0]
+
+
+def solve_system(
+    system: ContactSystem,
+    w: Array,
+    *,
+    cost: Array | None = None,
+    solver: str = "auto",
+    tolerances: Tolerances = TOLERANCES,
+) -> EquilibriumResult:
+    """Return the equilibrium of `system` under the scaled wrench `w` (see `ContactSystem.scaled`).
+
+    `cost` (C,) ≥ 0 is a price per unit of contact force; with it the result is a trade-off, and the status only
+    tells whether the solver succeeded and whether a residual is left.
+    """
+    c = np.zeros(len(system.pairs)) if cost is None else cost
+    scale = float(np.linalg.norm(w))
+    if scale == 0.0 or len(w) == 0:
+        return EquilibriumResult(Status.EQUILIBRIUM, 0.0, np.zeros(len(c)), system.unscaled_motion(w), 0.0)
+    if len(c) == 0:
+        return EquilibriumResult(Status.NOT_IN_EQUILIBRIUM, 0.5, c, system.unscaled_motion(w), 0.0)
+    try:
+        v, f = solve(system.matrix, w, c, solver)
+    except SolverFailed:
+        nan = np.full(len(c), np.nan)
+        return EquilibriumResult(Status.INACCURATE, np.nan, nan, system.unscaled_motion(0 * w), np.inf)
+    residual = w + system.matrix.T @ f
+    kkt = kkt_residual(system.matrix, w, c, v, f)
+    relative = float(np.linalg.norm(residual)) / scale
+    return EquilibriumResult(
+        verdict(relative, kkt, tolerances), 0.5 * relative**2, f, system.unscaled_motion(v), kkt
+    )
+
+
+def verdict(relative_residual: float, kkt: float, tolerances: Tolerances = TOLERANCES) -> Status:
+    """Return the status for |s|/|w| and the relative KKT residual.
+
+    A small residual |A f + w| with f ≥ 0 proves equilibrium by itself; a large one proves the opposite only
+    when the optimality conditions hold.
+    """
+    if relative_residual <= tolerances.equilibrium_residual:
+        return Status.EQUILIBRIUM
+    if kkt <= tolerances.kkt or kkt <= 1e-3 * relative_residual:
+        return Status.NOT_IN_EQUILIBRIUM
+    return Status.INACCURATE

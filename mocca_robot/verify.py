@@ -1,0 +1,303 @@
+"""Verdicts from geometry alone: contacts are found anew, nothing of the design process is believed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from scipy.optimize import linprog
+
+from mocca_robot.assembly import Array, Assembly, Goal, Mesh, Polygon
+from mocca_robot.contacts import Contact, find_contacts, to_shapely
+from mocca_robot.joints.joint import Joint, contact_rays, planar
+from mocca_robot.loads import LoadCase, case_wrenches, gravity_wrenches, load_cases, tilted_gravity
+from mocca_robot.parts_graph import PartMotion, part_motions
+from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium
+
+
+@dataclass(frozen=True, eq=False)
+class CaseVerdict:
+    """A load case, its result, and the names of the parts that move in the collapse motion."""
+
+    case: LoadCase
+    result: EquilibriumResult
+    moving: tuple[str, ...]
+
+
+def solve_case(
+    assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, friction: float = 0.0
+) -> CaseVerdict:
+    """Return the equilibrium of one load case from the facets of `contacts`, with the parts that move.
+
+    Contact forces come back one per corner of every contact, zero where a part is absent.
+    """
+    pairs, points, normals = contact_rays(contacts)
+    there = case.present[pairs].all(axis=1)
+    wrenches = case_wrenches(case, assembly, contacts)
+    result = equilibrium(
+        pairs[there],
+        points[there],
+        normals[there],
+        wrenches,
+        fixed=~case.free,
+        friction=friction,
+        about=np.array([p.centroid for p in assembly.parts]),
+        length=assembly.size / 2,
+    )
+    assert isinstance(result, EquilibriumResult)
+    forces = np.zeros((len(pairs), *result.forces.shape[1:]))
+    forces[there] = result.forces
+    full = EquilibriumResult(result.status, result.infeasibility, forces, result.motions, result.kkt)
+    return CaseVerdict(case, full, () if result.stands else moving_parts(assembly, result.motions))
+
+
+def moving_parts(assembly: Assembly, motions: Array) -> tuple[str, ...]:
+    """Return the names of parts whose velocity exceeds 1 % of the fastest's, in assembly order."""
+    d = assembly.dimension
+    reach = assembly.size / 2
+    speed = np.linalg.norm(motions[:, :d], axis=1) + reach * np.linalg.norm(motions[:, d:], axis=1)
+    return tuple(p.name for p, s in zip(assembly.parts, speed) if s > 0.01 * speed.max(initial=0.0) > 0)
+
+
+def critical_tilt(
+    assembly: Assembly, contacts: Sequence[Contact], azimuth_rad: float, friction: float = 0.0
+) -> float:
+    """Return the largest tilt (radians, at most π/2) towards an azimuth at which the structure stands.
+
+    Zero when it does not stand upright either. Without friction this is one linear program: gravity tilted by
+    θ is gravity down plus tan θ sideways, so the largest feasible tan θ is the answer. With friction it is a
+    bisection of equilibrium problems (the feasible wrenches form a convex cone, so there is one threshold).
+    """
+    down = case_at(assembly, 0.0, azimuth_rad)
+    if not solve_case(assembly, contacts, down, friction).result.stands:
+        return 0.0
+    if friction > 0.0:
+        return _bisected_tilt(assembly, contacts, azimuth_rad, friction)
+    pairs, points, normals = contact_rays(contacts)
+    from mocca_robot.statics.system import ContactSystem
+
+    about = np.array([p.centroid for p in assembly.parts])
+    system = ContactSystem.build(pairs, points, normals, ~assembly.fixed, about, assembly.size / 2)
+    upright = system.scaled(gravity_wrenches(assembly, assembly.gravity))
+    level = tilted_gravity(assembly.gravity, np.pi / 2, azimuth_rad)
+    sideways = system.scaled(gravity_wrenches(assembly, level))
+    scale = float(np.linalg.norm(upright))
+    import scipy.sparse as sp
+
+    matrix = sp.hstack([system.matrix.T, sp.csr_array(sideways[:, None] / scale)], format="csc")
+    solution = linprog(
+        np.r_[np.zeros(len(pairs)), -1.0],
+        A_eq=matrix,
+        b_eq=-upright / scale,
+        bounds=[(0, None)] * len(pairs) + [(0, 1e4)],
+        method="highs",
+        options={"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9},
+    )
+    if solution.status == 3 or (solution.success and solution.x[-1] >= 0.99e4):
+        return float(np.pi / 2)
+    if solution.success:
+        return float(np.arctan(solution.x[-1]))
+    return _bisected_tilt(assembly, contacts, azimuth_rad, friction)
+
+
+def case_at(assembly: Assembly, angle_rad: float, azimuth_rad: float) -> LoadCase:
+    """Return the whole assembly under gravity tilted by `angle_rad` towards `azimuth_rad`."""
+    present = np.ones(len(assembly.parts), dtype=np.bool_)
+    gravity = tilted_gravity(assembly.gravity, angle_rad, azimuth_rad)
+    return LoadCase(f"tilt_{np.rad2deg(azimuth_rad):03.0f}", gravity, present, assembly.fixed)
+
+
+def _bisected_tilt(
+    assembly: Assembly, contacts: Sequence[Contact], azimuth_rad: float, friction: float
+) -> float:
+    low, high = 0.0, np.pi / 2
+    while high - low > np.deg2rad(0.01):
+        middle = 0.5 * (low + high)
+        stands = solve_case(
+            assembly, contacts, case_at(assembly, middle, azimuth_rad), friction
+        ).result.stands
+        low, high = (middle, high) if stands else (low, middle)
+    return low
+
+
+@dataclass(frozen=True, eq=False)
+class InsertionVerdict:
+    """Whether a part can be inserted along every direction of its cone.
+
+    Attributes:
+        part: name.
+        alpha_rad: half-angle of the widest cone its earlier contacts leave (see PartMotion).
+        required_rad: what was asked for; None when nothing was.
+        blockers: names of earlier parts that are hit while inserting along the axis or the rim, or that leave
+            the cone too narrow.
+        collides: the sweep along the axis or rim hits a part that is not (or not only) limiting the cone.
+    """
+
+    part: str
+    alpha_rad: float
+    required_rad: float | None
+    blockers: tuple[str, ...]
+    collides: bool
+
+    @property
+    def assemblable(self) -> bool:
+        """Return whether the part can be inserted as asked."""
+        wide_enough = self.alpha_rad >= (self.required_rad or 0.0) - 1e-9
+        return wide_enough and not self.collides
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """Everything statics and geometry say about an assembly as it stands.
+
+    Attributes:
+        contacts: found anew from the geometry.
+        cases: every load case that the goals ask for.
+        insertions: one per free part, in assembly order.
+        part_overlap: the largest overlap of two parts, as a share of the smaller one.
+    """
+
+    contacts: tuple[Contact, ...]
+    cases: tuple[CaseVerdict, ...]
+    insertions: tuple[InsertionVerdict, ...]
+    part_overlap: float
+
+    @property
+    def stands(self) -> bool:
+        """Return whether every load case is in equilibrium."""
+        return all(c.result.stands for c in self.cases)
+
+    @property
+    def assemblable(self) -> bool:
+        """Return whether every part can be inserted as asked."""
+        return all(i.assemblable for i in self.insertions)
+
+
+def verify(
+    assembly: Assembly,
+    *,
+    goals: Sequence[Goal] | None = None,
+    friction: float = 0.0,
+    directions: dict[str, Array] | None = None,
+) -> Verification:
+    """Return the verdicts on `assembly` from its geometry alone.
+
+    `goals` default to the assembly's own; `directions` are insertion axes by part name, by default the axis of
+    each part's widest cone.
+    """
+    contacts = find_contacts(assembly).contacts
+    cases = tuple(solve_case(assembly, contacts, case, friction) for case in load_cases(assembly, goals))
+    return Verification(
+        contacts, cases, insertion_verdicts(assembly, contacts, directions or {}), part_overlap(assembly)
+    )
+
+
+def insertion_verdicts(
+    assembly: Assembly, contacts: Sequence[Contact], directions: dict[str, Array]
+) -> tuple[InsertionVerdict, ...]:
+    """Return one verdict per free part: its cone, and a swept collision check along the axis and the rim."""
+    joints: list[Joint] = [planar(c) for c in contacts]
+    verdicts = []
+    for part, motion in part_motions(assembly, joints).items():
+        name = assembly.parts[part].name
+        alpha = motion.alpha_rad
+        axis = motion.axis
+        if name in directions and len(motion.normals):
+            axis = -directions[name]
+            alpha = float(np.arcsin(np.clip((motion.normals @ axis).min(), -1.0, 1.0)))
+        hit = (
+            sweep_blockers(assembly, part, insertion_rim(axis, assembly.alpha_rad or 0.0))
+            if alpha > -1e-9
+            else ()
+        )
+        narrow = alpha < (assembly.alpha_rad or 0.0) - 1e-9
+        blockers = {assembly.parts[b].name for b in motion.blockers} if narrow else set()
+        blockers |= {assembly.parts[b].name for b in hit}
+        ordered = tuple(n for n in assembly.sequence if n in blockers)
+        verdicts.append(InsertionVerdict(name, alpha, assembly.alpha_rad, ordered, bool(hit)))
+    return tuple(verdicts)
+
+
+def insertion_rim(axis: Array, alpha_rad: float, count: int = 8) -> Array:
+    """Return (1 + m, d) ways out: the axis, then directions on the rim of K(axis, α); two in 2D, `count` in 3D."""
+    if alpha_rad <= 0.0:
+        return np.asarray(axis[None])
+    if len(axis) == 2:
+        side = np.array([-axis[1], axis[0]])
+        rim = [np.cos(alpha_rad) * axis + s * np.sin(alpha_rad) * side for s in (1.0, -1.0)]
+        return np.array([axis, *rim])
+    seed = np.eye(3)[np.abs(axis).argmin()]
+    first = np.cross(axis, seed)
+    first /= np.linalg.norm(first)
+    second = np.cross(axis, first)
+    turns = 2 * np.pi * np.arange(count) / count
+    ring = np.cos(turns)[:, None] * first + np.sin(turns)[:, None] * second
+    return np.concatenate([axis[None], np.cos(alpha_rad) * axis + np.sin(alpha_rad) * ring])
+
+
+def sweep_blockers(assembly: Assembly, part: int, ways_out: Array) -> tuple[int, ...]:
+    """Return the earlier parts that `part` hits on its way out along any of `ways_out` (m, d).
+
+    The sweep is long enough to clear everything. Touching is not hitting: an overlap counts when it survives
+    shrinking by the contact tolerance.
+    """
+    if assembly.dimension == 3:
+        from mocca_robot.sweep3d import sweep_blockers_3d
+
+        return sweep_blockers_3d(assembly, part, ways_out)
+    moving = assembly.parts[part].shape
+    assert isinstance(moving, Polygon)
+    earlier = [to_shapely(p.shape) for p in assembly.parts[:part] if isinstance(p.shape, Polygon)]
+    tree = shapely.STRtree(earlier)
+    hit: set[int] = set()
+    tolerance = 1e-6 * assembly.size
+    for way in ways_out:
+        swept = _swept(moving, way * 2.0 * assembly.size)
+        for k in tree.query(swept, predicate="intersects"):
+            common = shapely.intersection(swept, earlier[k])
+            if not shapely.is_empty(shapely.buffer(common, -tolerance)):
+                hit.add(int(k))
+    return tuple(sorted(hit))
+
+
+def _swept(polygon: Polygon, travel: Array) -> shapely.Geometry:
+    """Return the area a polygon passes over while moving by `travel`: its copies and its edges' parallelograms."""
+    pieces = [to_shapely(polygon), shapely.transform(to_shapely(polygon), lambda x: x + travel)]
+    for ring in polygon.rings:
+        following = np.roll(ring, -1, axis=0)
+        corners = np.stack([ring, following, following + travel, ring + travel], axis=1)
+        parallelograms = shapely.polygons(corners)
+        pieces.extend(parallelograms[shapely.area(parallelograms) > 0])
+    return shapely.union_all(np.array(pieces))
+
+
+def part_overlap(assembly: Assembly) -> float:
+    """Return the largest overlap of two parts, as a share of the smaller part's area (2D) or volume (3D)."""
+    if assembly.dimension == 3:
+        from mocca_robot.sweep3d import mesh_overlap
+
+        return mesh_overlap([p.shape for p in assembly.parts if isinstance(p.shape, Mesh)])
+    shapes = np.array([to_shapely(p.shape) for p in assembly.parts if isinstance(p.shape, Polygon)])
+    a, b = shapely.STRtree(shapes).query(shapes, predicate="intersects")
+    keep = a < b
+    if not keep.any():
+        return 0.0
+    common = shapely.area(shapely.intersection(shapes[a[keep]], shapes[b[keep]]))
+    smaller = np.minimum(shapely.area(shapes[a[keep]]), shapely.area(shapes[b[keep]]))
+    return float((common / smaller).max())
+
+
+__all__ = [
+    "CaseVerdict",
+    "InsertionVerdict",
+    "PartMotion",
+    "Verification",
+    "critical_tilt",
+    "insertion_verdicts",
+    "part_overlap",
+    "solve_case",
+    "sweep_blockers",
+    "verify",
+]
