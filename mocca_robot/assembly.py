@@ -222,9 +222,7 @@ class Assembly:
 
     def __post_init__(self) -> None:
         if not self.parts:
-            raise InputError(
-                f"Assembly '{self.name}' has no parts; give at least one fixed and one free part."
-            )
+            raise InputError(f"Assembly '{self.name}' has no parts; give at least one fixed and one free part.")
         dimensions = {p.shape.dimension for p in self.parts}
         if len(dimensions) > 1:
             raise InputError(f"Assembly '{self.name}' mixes flat and solid parts; use one kind only.")

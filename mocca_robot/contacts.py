@@ -114,9 +114,7 @@ def require_sound(assembly: Assembly, report: ContactReport) -> None:
                 if near
                 else "move it against a neighbour or remove it"
             )
-            raise InputError(
-                f"Part '{part.name}' floats free: it shares no face with any other part; {hint}."
-            )
+            raise InputError(f"Part '{part.name}' floats free: it shares no face with any other part; {hint}.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,9 +174,7 @@ def _find_contacts_2d(assembly: Assembly, tolerances: Tolerances) -> ContactRepo
         # An end of a shared stretch is always a corner of one of the two parts: take its exact coordinates.
         p1 = edges.start[a[e]] if s0[e] <= gap else edges.end[b[e]]
         p2 = edges.end[a[e]] if s1[e] >= edges.length[a[e]] - gap else edges.start[b[e]]
-        found.append(
-            (int(edges.part[a[e]]), int(edges.part[b[e]]), float(a[e]), np.stack([p1, p2]), outward[e])
-        )
+        found.append((int(edges.part[a[e]]), int(edges.part[b[e]]), float(a[e]), np.stack([p1, p2]), outward[e]))
     found.sort(key=lambda f: (f[0], f[1], f[2], float(f[3][0] @ t[0])))
     contacts: list[Contact] = []
     for i, j, _, segment, normal in found:

@@ -22,9 +22,7 @@ def cross(r: Array, n: Array) -> Array:
     return np.cross(r, n)
 
 
-def generalized_normals(
-    points: Array, normals: Array, about: Array | None = None, length: float = 1.0
-) -> Array:
+def generalized_normals(points: Array, normals: Array, about: Array | None = None, length: float = 1.0) -> Array:
     """Return (m, 3) or (m, 6) rows [n̂; (r − about) × n̂ / length] (Eq. 1).
 
     `length` makes the rotational part dimensionless; with 1 it is in metres.
@@ -49,11 +47,7 @@ def extreme_rays(rays: Array, tolerance: float = 1e-9) -> Array:
     section = unit[first] / (unit[first] @ plane)[:, None]
     centred = section - section.mean(axis=0)
     _, spread, axes = np.linalg.svd(centred, full_matrices=False)
-    rank = (
-        int((spread > tolerance * max(spread[0], 1e-300)).sum())
-        if spread.size and spread[0] > tolerance
-        else 0
-    )
+    rank = int((spread > tolerance * max(spread[0], 1e-300)).sum()) if spread.size and spread[0] > tolerance else 0
     if rank == 0:
         return first[:1]
     flat = centred @ axes[:rank].T

@@ -26,9 +26,7 @@ class CaseVerdict:
     moving: tuple[str, ...]
 
 
-def solve_case(
-    assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, friction: float = 0.0
-) -> CaseVerdict:
+def solve_case(assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, friction: float = 0.0) -> CaseVerdict:
     """Return the equilibrium of one load case from the facets of `contacts`, with the parts that move.
 
     Contact forces come back one per corner of every contact, zero where a part is absent.
@@ -61,9 +59,7 @@ def moving_parts(assembly: Assembly, motions: Array) -> tuple[str, ...]:
     return tuple(p.name for p, s in zip(assembly.parts, speed) if s > 0.01 * speed.max(initial=0.0) > 0)
 
 
-def critical_tilt(
-    assembly: Assembly, contacts: Sequence[Contact], azimuth_rad: float, friction: float = 0.0
-) -> float:
+def critical_tilt(assembly: Assembly, contacts: Sequence[Contact], azimuth_rad: float, friction: float = 0.0) -> float:
     """Return the largest tilt (radians, at most π/2) towards an azimuth at which the structure stands.
 
     Zero when it does not stand upright either. Without friction this is one linear program: gravity tilted by
@@ -109,15 +105,11 @@ def case_at(assembly: Assembly, angle_rad: float, azimuth_rad: float) -> LoadCas
     return LoadCase(f"tilt_{np.rad2deg(azimuth_rad):03.0f}", gravity, present, assembly.fixed)
 
 
-def _bisected_tilt(
-    assembly: Assembly, contacts: Sequence[Contact], azimuth_rad: float, friction: float
-) -> float:
+def _bisected_tilt(assembly: Assembly, contacts: Sequence[Contact], azimuth_rad: float, friction: float) -> float:
     low, high = 0.0, np.pi / 2
     while high - low > np.deg2rad(0.01):
         middle = 0.5 * (low + high)
-        stands = solve_case(
-            assembly, contacts, case_at(assembly, middle, azimuth_rad), friction
-        ).result.stands
+        stands = solve_case(assembly, contacts, case_at(assembly, middle, azimuth_rad), friction).result.stands
         low, high = (middle, high) if stands else (low, middle)
     return low
 
@@ -207,11 +199,7 @@ def insertion_verdicts(
         if name in directions and len(motion.normals):
             axis = -directions[name]
             alpha = float(np.arcsin(np.clip((motion.normals @ axis).min(), -1.0, 1.0)))
-        hit = (
-            sweep_blockers(assembly, part, insertion_rim(axis, assembly.alpha_rad or 0.0))
-            if alpha > -1e-9
-            else ()
-        )
+        hit = sweep_blockers(assembly, part, insertion_rim(axis, assembly.alpha_rad or 0.0)) if alpha > -1e-9 else ()
         narrow = alpha < (assembly.alpha_rad or 0.0) - 1e-9
         blockers = {assembly.parts[b].name for b in motion.blockers} if narrow else set()
         blockers |= {assembly.parts[b].name for b in hit}

@@ -12,9 +12,7 @@ from mocca_robot.joints.joint import Joint
 from mocca_robot.tolerances import TOLERANCES, Tolerances
 
 
-def build_parts_2d(
-    assembly: Assembly, joints: Sequence[Joint], tolerances: Tolerances = TOLERANCES
-) -> Assembly:
+def build_parts_2d(assembly: Assembly, joints: Sequence[Joint], tolerances: Tolerances = TOLERANCES) -> Assembly:
     """Return `assembly` with every joint's curve in place of its contact, exactly shared by both parts.
 
     Corners closer than the contact tolerance are welded to one coordinate first, also between parts that only

@@ -50,9 +50,7 @@ class Joint:
         """Return contact points (C, d) and unit normals (C, d): every corner of every facet."""
         corners = self.vertices[self.facets]
         k = corners.shape[1]
-        return read_only(corners.reshape(-1, corners.shape[2])), read_only(
-            np.repeat(self.facet_normals, k, axis=0)
-        )
+        return read_only(corners.reshape(-1, corners.shape[2])), read_only(np.repeat(self.facet_normals, k, axis=0))
 
     @property
     def is_planar(self) -> bool:

@@ -60,9 +60,7 @@ def knots_z(a: Array, b: Array, h1: Array, h2: Array) -> tuple[Array, Array]:
     return x, np.stack([zero, zero, h1, h2, zero, zero], axis=-1)
 
 
-def polyline_joint(
-    contact: Contact, kind: str, direction: Array, points: Array, parameters: dict[str, float]
-) -> Joint:
+def polyline_joint(contact: Contact, kind: str, direction: Array, points: Array, parameters: dict[str, float]) -> Joint:
     """Return the joint along `points` (V, 2) from the contact's first end to its second, without repeats.
 
     Consecutive points closer than 1e-9 of the contact, and points in the middle of a straight run, are dropped.

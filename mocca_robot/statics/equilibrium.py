@@ -91,10 +91,7 @@ def equilibrium(
     if friction > 0:
         from mocca_robot.statics.friction import equilibrium_with_friction
 
-        results = [
-            equilibrium_with_friction(pairs, points, normals, w, free, friction, about, length)
-            for w in stacked
-        ]
+        results = [equilibrium_with_friction(pairs, points, normals, w, free, friction, about, length) for w in stacked]
     else:
         system = ContactSystem.build(pairs, points, normals, free, about, length)
         results = [solve_system(system, system.scaled(w), solver=solver) for w in stacked]
@@ -128,9 +125,7 @@ def solve_system(
     residual = w + system.matrix.T @ f
     kkt = kkt_residual(system.matrix, w, c, v, f)
     relative = float(np.linalg.norm(residual)) / scale
-    return EquilibriumResult(
-        verdict(relative, kkt, tolerances), 0.5 * relative**2, f, system.unscaled_motion(v), kkt
-    )
+    return EquilibriumResult(verdict(relative, kkt, tolerances), 0.5 * relative**2, f, system.unscaled_motion(v), kkt)
 
 
 def verdict(relative_residual: float, kkt: float, tolerances: Tolerances = TOLERANCES) -> Status:

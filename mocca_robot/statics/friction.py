@@ -68,9 +68,7 @@ def _spatial(
     w = frame.scaled(wrenches)
     scale = float(np.linalg.norm(w))
     if scale == 0.0:
-        return EquilibriumResult(
-            Status.EQUILIBRIUM, 0.0, np.zeros_like(normals), frame.unscaled_motion(w), 0.0
-        )
+        return EquilibriumResult(Status.EQUILIBRIUM, 0.0, np.zeros_like(normals), frame.unscaled_motion(w), 0.0)
     first, second = _tangents(normals)
     axes = np.stack([normals, first, second], axis=1)  # (C, 3, 3)
     columns = [_ray_matrix(frame, points, axes[:, k]) for k in range(3)]

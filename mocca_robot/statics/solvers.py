@@ -99,9 +99,7 @@ def solve_piqp(b: sp.csr_array, w: Array, c: Array) -> tuple[Array, Array]:
     solver.settings.eps_duality_gap_abs = 1e-11
     solver.settings.eps_duality_gap_rel = 1e-11
     solver.settings.max_iter = 200
-    solver.setup(
-        sp.eye_array(n, format="csc"), -w / scale, None, None, sp.csc_matrix(b), -c / scale, None, None, None
-    )
+    solver.setup(sp.eye_array(n, format="csc"), -w / scale, None, None, sp.csc_matrix(b), -c / scale, None, None, None)
     solver.solve()
     result = solver.result
     forces = np.asarray(result.z_l)

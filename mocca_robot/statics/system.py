@@ -130,9 +130,7 @@ class ContactSystem:
 
     def subset(self, rays: BoolArray) -> ContactSystem:
         """Return the system with only the contact rays where `rays` (C,) is true."""
-        return ContactSystem(
-            self.pairs[rays], self.rays_i[rays], self.rays_j[rays], self.free, self.about, self.length
-        )
+        return ContactSystem(self.pairs[rays], self.rays_i[rays], self.rays_j[rays], self.free, self.about, self.length)
 
     def holding(self, free: BoolArray) -> ContactSystem:
         """Return the system with other parts free to move."""
