@@ -1,0 +1,228 @@
+"""Contacts between polyhedra: where flat faces of two parts share an area.
+
+Two roads lead to a contact. Triangles that both meshes have in common (three equal corners, opposite sense) are
+contacts as they stand: that is how built joints arrive, hundreds of triangles each. All other faces are compared
+as facets: antiparallel, in one plane, and overlapping there by an area that is computed in the plane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray, Mesh, read_only
+from mocca_robot.contacts import Contact, ContactReport, NearMiss
+from mocca_robot.facets import FacetSet, facets
+from mocca_robot.penetration import penetrations
+from mocca_robot.tolerances import TOLERANCES, Tolerances
+
+NEARLY_PARALLEL_RAD = 0.05
+"""Faces that differ by less and nearly touch were probably meant to; the same limit as in 2D."""
+
+Found = tuple[int, int, int, Array, tuple[Array, ...], Array]
+"""Parts i and j, the facet of i, outer loop, holes, normal."""
+
+
+def find_contacts_3d(assembly: Assembly, tolerances: Tolerances = TOLERANCES) -> ContactReport:
+    """Return all contacts between the polyhedra of `assembly`, exact up to `tolerances.contact_gap` × size.
+
+    A contact polygon may be non-convex and have holes; its corners are corners of either mesh, bit for bit,
+    wherever they are not crossings of two edges. Contacts come sorted by pair, then by the earlier part's facet.
+    """
+    meshes = [p.shape for p in assembly.parts if isinstance(p.shape, Mesh)]
+    size = assembly.size
+    faces = facets(meshes, tolerances.contact_gap * size)
+    found, spent = _shared_triangles(faces)
+    flat, misses = _facet_overlaps(faces, spent, tolerances, size)
+    found += flat
+    found.sort(key=lambda f: f[:3])
+    contacts: list[Contact] = []
+    for i, j, _, outer, holes, normal in found:
+        again = bool(contacts) and contacts[-1].parts == (i, j)
+        k = contacts[-1].k + 1 if again else 0
+        contacts.append(Contact((i, j), read_only(outer), read_only(normal), k, tuple(read_only(h) for h in holes)))
+    touching = {c.parts for c in contacts}
+    overlaps = penetrations(assembly, faces, contacts, tolerances.overlap_depth * size)
+    named = {o.parts for o in overlaps}
+    near = []
+    for (i, j), (gap, area) in sorted(misses.items()):
+        names = (assembly.parts[i].name, assembly.parts[j].name)
+        if (i, j) not in touching and names not in named:
+            near.append(NearMiss(names, gap, area))
+    return ContactReport(tuple(contacts), tuple(near), overlaps)
+
+
+def _shared_triangles(faces: FacetSet) -> tuple[list[Found], BoolArray]:
+    """Return a contact per triangle that two parts share exactly, and (F,) which facets that used up.
+
+    Only facets of a single triangle on one side at least: larger ones give larger polygons as facets.
+    """
+    ids = np.sort(faces.triangles, axis=1)
+    order = np.lexsort((faces.part, ids[:, 2], ids[:, 1], ids[:, 0]))
+    same = (ids[order][1:] == ids[order][:-1]).all(axis=1)
+    a, b = order[:-1][same], order[1:][same]
+    single = (faces.count[faces.facet[a]] == 1) | (faces.count[faces.facet[b]] == 1)
+    opposite = np.einsum("ij,ij->i", faces.triangle_normals[a], faces.triangle_normals[b]) < 0
+    keep = single & opposite & (faces.part[a] != faces.part[b])
+    a, b = a[keep], b[keep]
+    spent = np.zeros(len(faces.count), dtype=np.bool_)
+    for side in (a, b):
+        mine = faces.facet[side]
+        spent[mine[faces.count[mine] == 1]] = True
+    corners, normals = faces.vertices[faces.triangles[a]], faces.triangle_normals[a]
+    parts = np.stack([faces.part[a], faces.part[b]], axis=1).tolist()
+    facet = faces.facet[a].tolist()
+    found: list[Found] = [
+        (i, j, f, corner, (), normal) for (i, j), f, corner, normal in zip(parts, facet, corners, normals)
+    ]
+    return found, spent
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """A facet as a 2D polygon in its own plane: x = origin + p₀ axes₀ + p₁ axes₁."""
+
+    origin: Array
+    axes: Array
+    normal: Array
+    polygon: shapely.Geometry
+    corners: Array
+    flat_corners: Array
+
+    @classmethod
+    def of(cls, faces: FacetSet, facet: int) -> _Plane:
+        normal = faces.normals[facet]
+        seed = np.eye(3)[np.abs(normal).argmin()]
+        first = np.cross(normal, seed)
+        first /= np.linalg.norm(first)
+        axes = np.stack([first, np.cross(normal, first)])
+        loops = faces.loops(facet)
+        corners = faces.vertices[np.concatenate(loops)]
+        origin = corners[0]
+        flat = (corners - origin) @ axes.T
+        cuts = np.cumsum([len(loop) for loop in loops])[:-1]
+        return cls(origin, axes, normal, _polygon(np.split(flat, cuts)), corners, flat)
+
+    def lifted(self, points: Array) -> Array:
+        """Return (m, 2) points of the plane in space."""
+        return np.asarray(self.origin + points @ self.axes)
+
+
+def _polygon(loops: list[Array]) -> shapely.Geometry:
+    """Return the region that loops bound: the union of counter-clockwise ones less the others."""
+    if len(loops) == 1:
+        shape = shapely.Polygon(loops[0])
+    else:
+        rings = [shapely.Polygon(loop) for loop in loops]
+        outer = max(range(len(rings)), key=lambda r: rings[r].area)
+        shape = shapely.Polygon(loops[outer], [loop for r, loop in enumerate(loops) if r != outer])
+    return shape if shape.is_valid else shapely.make_valid(shape)
+
+
+def _facet_overlaps(
+    faces: FacetSet, spent: BoolArray, tolerances: Tolerances, size: float
+) -> tuple[list[Found], dict[tuple[int, int], tuple[float, float]]]:
+    """Return contacts from overlapping facets, and the near misses by pair: gap (m) and area (m²)."""
+    gap, near = tolerances.contact_gap * size, tolerances.near_miss * size
+    a, b = _candidates(faces, spent, near)
+    planes: dict[int, _Plane] = {}
+    found: list[Found] = []
+    misses: dict[tuple[int, int], tuple[float, float]] = {}
+    parallel = np.linalg.norm(np.cross(faces.normals[a], faces.normals[b]), axis=1) <= tolerances.contact_angle_rad
+    for fa, fb, may_touch in zip(a.tolist(), b.tolist(), parallel.tolist()):
+        for f in (fa, fb):
+            if f not in planes:
+                planes[f] = _Plane.of(faces, f)
+        mine, other = planes[fa], planes[fb]
+        theirs, moved = _projected(mine, other, gap)
+        common = shapely.intersection(mine.polygon, theirs)
+        pair = (int(faces.facet_part[fa]), int(faces.facet_part[fb]))
+        for piece in shapely.get_parts(common):
+            if piece.geom_type != "Polygon" or 2 * piece.area <= tolerances.min_contact * size * piece.length:
+                continue
+            rise = _rise(mine, other, shapely.get_coordinates(piece))
+            widest = float(np.abs(rise).max())
+            if may_touch and widest <= gap:
+                outer, *holes = (
+                    _exact_loop(mine, other, moved, np.asarray(ring.coords)[:-1], gap)
+                    for ring in (shapely.geometry.polygon.orient(piece).exterior, *piece.interiors)
+                )
+                if len(outer) >= 3:
+                    kept = tuple(h for h in holes if len(h) >= 3)
+                    found.append((*pair, fa, outer, kept, mine.normal))
+            elif widest <= near and np.ptp(rise) <= NEARLY_PARALLEL_RAD * np.sqrt(piece.area):
+                if pair not in misses or widest < misses[pair][0]:
+                    misses[pair] = (widest, float(piece.area))
+    return found, misses
+
+
+def _candidates(faces: FacetSet, spent: BoolArray, near: float) -> tuple[IntArray, IntArray]:
+    """Return facet pairs (of the earlier, of the later part) that are antiparallel, close and side by side."""
+    alive = np.flatnonzero(~spent)
+    lower, upper = faces.lower[alive] - near / 2, faces.upper[alive] + near / 2
+    spread = (upper.max(axis=0) - lower.min(axis=0)) / (upper - lower).mean(axis=0)
+    x, y, z = np.argsort(-spread)
+    boxes = shapely.box(lower[:, x], lower[:, y], upper[:, x], upper[:, y])
+    left, right = shapely.STRtree(boxes).query(boxes)
+    keep = faces.facet_part[alive[left]] < faces.facet_part[alive[right]]
+    left, right = left[keep], right[keep]
+    keep = (lower[left, z] <= upper[right, z]) & (lower[right, z] <= upper[left, z])
+    a, b = alive[left[keep]], alive[right[keep]]
+    cosine = np.einsum("ij,ij->i", faces.normals[a], faces.normals[b])
+    keep = cosine < -np.cos(NEARLY_PARALLEL_RAD)
+    a, b = a[keep], b[keep]
+    # The slab that b's box occupies along a's normal has to meet a's plane.
+    anchor = np.zeros((len(faces.count), 3))
+    anchor[faces.facet] = faces.vertices[faces.triangles[:, 0]]
+    n = faces.normals[a]
+    middle = 0.5 * (faces.lower[b] + faces.upper[b]) - anchor[a]
+    reach = 0.5 * np.einsum("ij,ij->i", np.abs(n), faces.upper[b] - faces.lower[b])
+    keep = np.abs(np.einsum("ij,ij->i", n, middle)) <= reach + near
+    return a[keep], b[keep]
+
+
+def _projected(mine: _Plane, other: _Plane, gap: float) -> tuple[shapely.Geometry, Array]:
+    """Return `other`'s polygon in the plane of `mine`, corners closer than `gap` to one of mine put onto it, and
+    (m, 2) where its corners went.
+    """
+    flat = (other.corners - mine.origin) @ mine.axes.T
+    distance = np.linalg.norm(flat[:, None] - mine.flat_corners[None], axis=2)
+    nearest = distance.argmin(axis=1)
+    close = distance[np.arange(len(flat)), nearest] <= gap
+    flat[close] = mine.flat_corners[nearest[close]]
+    # The same corners in the same order, so each coordinate of the polygon finds its new place.
+    where = {tuple(p): k for k, p in enumerate(other.flat_corners)}
+    own = shapely.get_coordinates(other.polygon)
+    index = np.array([where.get(tuple(p), -1) for p in own])
+    fallback = (other.lifted(own) - mine.origin) @ mine.axes.T
+    moved = np.where((index >= 0)[:, None], flat[index], fallback)
+    shape = shapely.set_coordinates(shapely.from_wkb(shapely.to_wkb(other.polygon)), moved)
+    return (shape if shape.is_valid else shapely.make_valid(shape)), flat
+
+
+def _rise(mine: _Plane, other: _Plane, points: Array) -> Array:
+    """Return (m,) how far above `mine` the plane of `other` lies at points (m, 2) of `mine`, metres."""
+    below = other.origin - mine.lifted(points)
+    return np.asarray((below @ other.normal) / float(mine.normal @ other.normal))
+
+
+def _exact_loop(mine: _Plane, other: _Plane, moved: Array, loop: Array, gap: float) -> Array:
+    """Return a loop (m, 2) of the overlap in space, its corners replaced by the mesh corners they stand for, and
+    without repeats and corners on a straight line.
+    """
+    flat = np.concatenate([mine.flat_corners, moved])
+    space = np.concatenate([mine.corners, other.corners])
+    distance = np.linalg.norm(loop[:, None] - flat[None], axis=2)
+    nearest = distance.argmin(axis=1)
+    snapped = distance[np.arange(len(loop)), nearest] <= 2 * gap
+    points = np.where(snapped[:, None], space[nearest], mine.lifted(loop))
+    points = points[np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1) > gap]
+    if len(points) < 3:
+        return points
+    before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
+    sine = np.linalg.norm(np.cross(before, after), axis=1)
+    chord = np.linalg.norm(before + after, axis=1)
+    straight = (sine <= 1e-2 * gap * chord) & (np.einsum("ij,ij->i", before, after) > 0)
+    return np.asarray(points[~straight])

@@ -1,0 +1,105 @@
+"""Which polyhedra penetrate each other, and how deep."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from mocca_robot.assembly import Array, Assembly, IntArray, Mesh
+from mocca_robot.contacts import Contact, Overlap
+from mocca_robot.facets import FacetSet
+
+if TYPE_CHECKING:
+    import manifold3d
+
+
+def penetrations(assembly: Assembly, faces: FacetSet, contacts: Sequence[Contact], depth: float) -> tuple[Overlap, ...]:
+    """Return the pairs of parts that penetrate deeper than `depth` (metres).
+
+    Most pairs are told apart by a plane: that of a contact, or of a face of either part. Only the others are
+    intersected as solids.
+    """
+    meshes = [p.shape for p in assembly.parts if isinstance(p.shape, Mesh)]
+    planes: dict[tuple[int, int], list[Contact]] = {}
+    for contact in contacts:
+        planes.setdefault(contact.parts, []).append(contact)
+    solids: dict[int, manifold3d.Manifold] = {}
+    overlaps = []
+    for i, j in _boxes_overlap(meshes, depth).tolist():
+        if _separated(meshes[i], meshes[j], i, j, faces, planes.get((i, j), ()), depth):
+            continue
+        for part in (i, j):
+            if part not in solids:
+                solids[part] = solid(meshes[part])
+        found = _depth(solids[i] ^ solids[j])
+        if found > depth:
+            overlaps.append(Overlap((assembly.parts[i].name, assembly.parts[j].name), found))
+    return tuple(overlaps)
+
+
+def solid(mesh: Mesh) -> manifold3d.Manifold:
+    """Return `mesh` as a manifold3d solid."""
+    import manifold3d
+
+    return manifold3d.Manifold(
+        manifold3d.Mesh64(
+            np.ascontiguousarray(mesh.vertices, dtype=np.float64), np.ascontiguousarray(mesh.faces, dtype=np.uint64)
+        )
+    )
+
+
+def _boxes_overlap(meshes: Sequence[Mesh], depth: float) -> IntArray:
+    """Return (m, 2) pairs i < j whose bounding boxes share more than `depth` along every axis."""
+    bounds = np.array([m.bounds for m in meshes])
+    lower, upper = bounds[:, 0], bounds[:, 1]
+    spread = np.ptp(np.concatenate([lower, upper]), axis=0) / (upper - lower).mean(axis=0)
+    x, y = np.argsort(-spread)[:2]
+    boxes = shapely.box(lower[:, x], lower[:, y], upper[:, x], upper[:, y])
+    i, j = shapely.STRtree(boxes).query(boxes)
+    i, j = i[i < j], j[i < j]
+    common = np.minimum(upper[i], upper[j]) - np.maximum(lower[i], lower[j])
+    pairs = np.stack([i, j], axis=1)[(common > depth).all(axis=1)]
+    return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+
+
+def _separated(
+    first: Mesh, second: Mesh, i: int, j: int, faces: FacetSet, contacts: Sequence[Contact], depth: float
+) -> bool:
+    """Return whether a plane of a contact or of a face has all of `first` on one side and `second` on the other."""
+    normals = np.array([c.normal for c in contacts[:20]]).reshape(-1, 3)
+    if len(normals) and _gap(first, second, normals).max() >= -depth:
+        return True
+    mine, theirs = faces.normals[faces.facet_part == i], -faces.normals[faces.facet_part == j]
+    return bool(_gap(first, second, np.concatenate([mine, theirs])).max() >= -depth)
+
+
+def _gap(first: Mesh, second: Mesh, normals: Array) -> Array:
+    """Return (m,) how far `second` starts above where `first` ends, along each unit normal."""
+    return np.asarray((normals @ second.vertices.T).min(axis=1) - (normals @ first.vertices.T).max(axis=1))
+
+
+def _depth(common: manifold3d.Manifold) -> float:
+    """Return how thick the intersection is, metres: the least width over its face normals, zero when empty."""
+    if common.is_empty() or common.volume() <= 0.0:
+        return 0.0
+    deepest = 0.0
+    for piece in common.decompose():
+        area = piece.surface_area()
+        if area <= 0.0:
+            continue
+        # Rounding leaves sheets between parts that only touch; their mean thickness 2 V / A gives them away.
+        mean = 2.0 * piece.volume() / area
+        mesh = piece.to_mesh64()
+        points = np.asarray(mesh.vert_properties)[:, :3]
+        corners = points[np.asarray(mesh.tri_verts, dtype=np.int64)]
+        vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        length = np.linalg.norm(vectors, axis=1)
+        large = length > 1e-3 * length.max(initial=0.0)
+        if large.any():
+            normals = vectors[large] / length[large, None]
+            width = np.ptp(normals @ points.T, axis=1).min()
+            deepest = max(deepest, min(float(width), 3.0 * mean))
+    return deepest
