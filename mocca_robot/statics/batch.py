@@ -19,6 +19,10 @@ from mocca_robot.statics.system import ContactSystem
 
 VIOLATION = 1e-9
 """Slack, relative to |w|, below which a ray joins the working set; an order below what verdicts ask for."""
+NEWCOMERS = 3
+"""Rays of one pair that join in a round: more make fewer but slower rounds."""
+NEAR = 1e-4
+"""Slack, relative to |w|, up to which a ray without force stays in the working set of the next call."""
 MAX_ROUNDS = 60
 
 
@@ -81,14 +85,14 @@ def solve_cases(
     w /= scale[:, None]
     prices = c / scale[:, None]  # (K, C)
 
-    groups = _PairGroups.of(system.pairs)
+    pair = _pair_numbers(system.pairs)
     residual, forces = w.copy(), np.zeros((n_cases, n_rays))
     working = np.zeros((n_cases, n_rays), dtype=np.bool_)
     if warm is not None and warm.forces.shape == forces.shape:
         forces = np.where(active & np.isfinite(warm.forces), warm.forces, 0.0) / scale[:, None]
         working = (warm.working | (forces > 0)) & active
     else:
-        working = groups.worst(np.where(active, w @ matrix.T + prices, np.inf), 2)
+        working[_worst_of_pairs(np.where(active, w @ matrix.T + prices, np.inf), pair, NEWCOMERS)] = True
     pending = np.flatnonzero(pulled)
     failed = np.zeros(n_cases, dtype=np.bool_)
     for _ in range(MAX_ROUNDS):
@@ -101,11 +105,12 @@ def solve_cases(
                 continue
             residual[k], forces[k] = v, 0.0
             forces[k, rows] = f
-        slack = np.where(active[pending], residual[pending] @ matrix.T + prices[pending], np.inf)
-        violated = (slack < -VIOLATION) & ~working[pending]
-        left = violated.any(axis=1) & ~failed[pending]
-        working[pending] |= groups.worst(np.where(violated, slack, np.inf), 3)
-        pending = pending[left]
+        slack = residual[pending] @ matrix.T + prices[pending]
+        slack[working[pending] | ~active[pending]] = np.inf
+        slack[failed[pending]] = np.inf
+        case, ray = _worst_of_pairs(slack, pair, NEWCOMERS)
+        working[pending[case], ray] = True
+        pending = pending[np.unique(case)]
         if not len(pending):
             break
     kkt = _kkt(matrix, w, prices, active, moving, residual, forces)
@@ -128,7 +133,7 @@ def _active_set(
         v[columns] = w[columns]
         return v, np.zeros(len(rows))
     b = np.ascontiguousarray(matrix[rows] if len(columns) == len(w) else matrix[np.ix_(rows, columns)])
-    solution, _, flag, info = daqp.solve(
+    _, _, flag, info = daqp.solve(
         np.eye(len(columns)),
         -w[columns],
         b,
@@ -159,46 +164,28 @@ def _kkt(matrix: Array, w: Array, prices: Array, active: BoolArray, moving: Bool
 
 def _recent(working: BoolArray, forces: Array, slack: Array) -> BoolArray:
     """Return the rays worth starting from next time: those that carry force or nearly touch."""
-    near = np.abs(slack) <= 1e-6
+    near = np.abs(slack) <= NEAR
     return np.asarray(working & ((forces > 0) | near))
 
 
-@dataclass(frozen=True, eq=False)
-class _PairGroups:
-    """Rays grouped by the pair of parts they belong to, to pick the worst few of every pair at once."""
+def _worst_of_pairs(slack: Array, pair: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    """Return (case, ray) indices of the up to `count` most negative slacks of every case and pair.
 
-    order: IntArray
-    starts: IntArray
-    group: IntArray
-
-    @classmethod
-    def of(cls, pairs: IntArray) -> _PairGroups:
-        order = np.lexsort((pairs[:, 1], pairs[:, 0]))
-        ordered = pairs[order]
-        new = np.r_[True, (ordered[1:] != ordered[:-1]).any(axis=1)] if len(pairs) else np.zeros(0, dtype=np.bool_)
-        return cls(order, np.flatnonzero(new), np.cumsum(new) - 1)
-
-    def worst(self, slack: Array, count: int) -> BoolArray:
-        """Return (K, C) the `count` rays of smallest finite slack of every pair in which one is negative."""
-        chosen = np.zeros(slack.shape, dtype=np.bool_)
-        if not len(self.order) or not len(slack):
-            return chosen
-        ordered = slack[:, self.order]
-        for _ in range(count):
-            least = np.minimum.reduceat(ordered, self.starts, axis=1)[:, self.group]
-            # One ray of every pair: ties (a planar contact moving along its normal) come one by one.
-            hit = (ordered == least) & (least < 0.0)
-            first = hit & (np.cumsum(hit, axis=1) - _before(hit, self.starts, self.group) == 1)
-            rows, columns = np.nonzero(first)
-            chosen[rows, self.order[columns]] = True
-            ordered[rows, columns] = np.inf
-        return chosen
+    `slack` is (K, C), `pair` (C,) the number of the pair that each ray belongs to.
+    """
+    case, ray = np.nonzero(slack < -VIOLATION)
+    group = case * (int(pair.max(initial=0)) + 1) + pair[ray]
+    order = np.lexsort((slack[case, ray], group))
+    group = group[order]
+    first = np.searchsorted(group, group)  # where each one's run begins
+    chosen = order[np.arange(len(order)) - first < count]
+    return case[chosen], ray[chosen]
 
 
-def _before(hit: BoolArray, starts: IntArray, group: IntArray) -> IntArray:
-    """Return (K, C) how many hits lie in the groups before each ray's own."""
-    totals = np.add.reduceat(hit.astype(np.int64), starts, axis=1)
-    return np.asarray((np.cumsum(totals, axis=1) - totals)[:, group])
+def _pair_numbers(pairs: IntArray) -> IntArray:
+    """Return (C,) a number for every ray that is the same for all rays of one pair of parts."""
+    keys = pairs[:, 0] * (int(pairs.max(initial=0)) + 1) + pairs[:, 1]
+    return np.unique(keys, return_inverse=True)[1]
 
 
 def _mask(name: str, mask: BoolArray | None, shape: tuple[int, int]) -> BoolArray:
