@@ -1,0 +1,38 @@
+"""What a designer may say about joints: bounds on their shape and how much robustness to ask for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class JointOptions:
+    """Bounds and robustness of cone joints. Lengths in metres, angles in radians.
+
+    Attributes:
+        kinds: families the designer may use; ('n',) forbids z-type joints. Solids know n-type only.
+        max_slope_rad: steepest angle between a joint's normal and the contact's; 70° keeps points blunt.
+        min_radius: smallest radius of curvature; set it to the cutting tool's radius. 0 = no bound.
+        margin: distance a joint keeps to the part's boundary and to other joints, as a share of its contact's
+            length (2D) or of the rectangle's shorter side (3D).
+        min_distance: the same as an absolute lower bound.
+        min_contact: contacts with a smaller length (2D) or square root of area (3D) stay planar.
+        max_height: largest bump height as a share of the contact's length (2D) or shorter side (3D).
+        tilt_margin_rad: extra tilt, in every azimuth, that the design aims to survive in each required state.
+        inset: share by which contacts are narrowed and joints flattened while designing, so that the built
+            structure holds its loads with forces strictly inside its joints.
+        alpha_margin_rad: insertion cone asked for beyond α while designing.
+    """
+
+    kinds: tuple[str, ...] = ("n", "z")
+    max_slope_rad: float = float(np.deg2rad(70.0))
+    min_radius: float = 0.0
+    margin: float = 0.06
+    min_distance: float = 0.0
+    min_contact: float = 0.0
+    max_height: float = 0.6
+    tilt_margin_rad: float = float(np.deg2rad(1.0))
+    inset: float = 0.02
+    alpha_margin_rad: float = float(np.deg2rad(0.5))

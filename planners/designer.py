@@ -1,0 +1,273 @@
+"""From a planar assembly to a designed one: kinematic design and geometric realization, iterated (§6)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mocca_robot.assembly import Array, Assembly, BoolArray, Lateral, read_only
+from mocca_robot.contacts import Contact, ContactReport, find_contacts, require_sound
+from mocca_robot.design import CaseResult, Design, Insertion
+from mocca_robot.errors import InputError
+from mocca_robot.joints.build import build_parts
+from mocca_robot.joints.joint import Joint, planar
+from mocca_robot.joints.options import JointOptions
+from mocca_robot.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
+from mocca_robot.parts_graph import PartMotion, part_motions
+from planners.energy import Loads
+from planners.kinematic import Impossible, bound, required_wrenches
+from planners.realization import Parameters, Polished, Problem, evaluate, fit, polish
+from planners.shapes2d import Shapes2D
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the largest E/|w|² that is left."""
+
+
+@dataclass(frozen=True, eq=False)
+class NarrowPart:
+    """A part whose earlier planar contacts leave a cone narrower than α: no joint can widen it (design bound)."""
+
+    part: str
+    alpha_rad: float
+    required_rad: float
+    blockers: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Designed:
+    """The outcome of a design run.
+
+    Attributes:
+        design: what was built; with joints where the search ended even when it failed, so that it can be looked at.
+        achieved: every required case holds and every part has its insertion cone.
+        impossible: proof that no joint within the bounds holds the named case, if there is one.
+        narrow: parts that no joint can give the α that is asked for.
+        margin_rad: tilt that every required state survives on top of its load, as far as designed for.
+        evaluations: how often E was evaluated.
+    """
+
+    design: Design
+    achieved: bool
+    impossible: tuple[str, Impossible] | None = None
+    narrow: tuple[NarrowPart, ...] = ()
+    margin_rad: float = 0.0
+    evaluations: int = 0
+    cases: tuple[LoadCase, ...] = field(default=())
+
+
+def design(
+    assembly: Assembly,
+    options: JointOptions | None = None,
+    *,
+    insertion: dict[str, Array] | None = None,
+    contacts: ContactReport | None = None,
+    progress: Progress | None = None,
+) -> Designed:
+    """Return cone joints under which `assembly` meets its goals, or the evidence that it cannot.
+
+    Args:
+        assembly: planar contacts, parts in assembly order.
+        options: bounds on joints; default `JointOptions()`.
+        insertion: insertion directions d_j by part name; by default the designer chooses.
+        contacts: from `find_contacts`, when already at hand.
+        progress: called now and then.
+
+    Raises InputError when parts overlap, float free, or none is fixed.
+    """
+    started = time.perf_counter()
+    options = options or JointOptions()
+    report = contacts or find_contacts(assembly)
+    require_sound(assembly, report)
+    if not report.contacts:
+        raise InputError(f"'{assembly.name}' has no contacts between its parts; there is nothing to design.")
+    found = report.contacts
+    required = load_cases(assembly)
+    margins = margin_cases(assembly, required, options.tilt_margin_rad)
+    loads = Loads.of(assembly, found, (*required, *margins))
+    shapes = Shapes2D.of(assembly, found, options)
+    pairs = np.array([c.parts for c in found])
+    motions = part_motions(assembly, [planar(c) for c in found])
+    problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad)
+    start = _planar_start(assembly, shapes, motions, insertion)
+    before, _ = evaluate(problem, start)
+    narrow = _narrow_parts(assembly, motions)
+
+    impossible = None
+    polished = Polished(start, before.infeasibility, 0.0, 0)
+    kinematic = realization = 0.0
+    if before.infeasibility.max(initial=0.0) > 1e-13:
+        proof = bound(assembly, found, shapes.can_curve, options, loads, len(required))
+        impossible = None if proof is None else (required[proof.case].name, proof)
+        kinematic = time.perf_counter() - started
+        if impossible is None:
+            shapes, polished = _search(problem, start, progress)
+            problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad)
+        realization = time.perf_counter() - started - kinematic
+    result = _built(assembly, problem, polished.parameters, required, before.infeasibility, polished)
+    held = bool(polished.infeasibility[: len(required)].max(initial=0.0) <= 1e-12)
+    seconds = {"kinematic": kinematic, "realization": realization, "total": time.perf_counter() - started}
+    notes = _notes(assembly, shapes, report)
+    finished = Design(assembly, result[0], result[1], result[2], result[3], seconds, notes)
+    return Designed(
+        finished,
+        held and not narrow and polished.violation <= 1e-6,
+        impossible,
+        narrow,
+        options.tilt_margin_rad if polished.infeasibility.max(initial=0.0) <= 1e-9 else 0.0,
+        polished.evaluations,
+        required,
+    )
+
+
+def margin_cases(assembly: Assembly, required: Sequence[LoadCase], tilt_rad: float) -> tuple[LoadCase, ...]:
+    """Return every required gravity case again with the ground tilted a little further, towards each side.
+
+    A design on the very edge of equilibrium would fall in physics and on the table. Interlocking has no margin.
+    """
+    if tilt_rad <= 0.0:
+        return ()
+    cases = []
+    lateral = any(isinstance(g, Lateral) for g in assembly.goals)
+    for case in required:
+        if case.gravity is None or (lateral and case.name == "gravity"):
+            continue
+        for azimuth in tilt_azimuths(assembly.dimension, 4):
+            gravity = tilted_gravity(case.gravity, tilt_rad, float(azimuth))
+            cases.append(LoadCase(f"{case.name}+{np.rad2deg(azimuth):.0f}", gravity, case.present, case.held))
+    return tuple(cases)
+
+
+def _planar_start(
+    assembly: Assembly, shapes: Shapes2D, motions: dict[int, PartMotion], insertion: dict[str, Array] | None
+) -> Parameters:
+    count = len(shapes.contacts)
+    up = np.zeros(assembly.dimension)
+    up[-1] = 1.0
+    axis = np.tile(up, (len(assembly.parts), 1))
+    for part, motion in motions.items():
+        axis[part] = motion.axis
+    for name, direction in (insertion or {}).items():
+        axis[assembly.index(name)] = -np.asarray(direction) / np.linalg.norm(direction)
+    lean = np.zeros((len(shapes.pair_normal), shapes.n_lean))
+    return Parameters(np.tile(shapes.rest, (count, 1)), lean, axis, np.zeros(count, dtype=np.bool_))
+
+
+def _search(problem: Problem, start: Parameters, progress: Progress | None) -> tuple[Shapes2D, Polished]:
+    """Return the first attempt that solves everything, or the one that came nearest."""
+    best: tuple[tuple[float, float], Shapes2D, Polished] | None = None
+    for label, shapes, first in _attempts(problem, start):
+        attempt = Problem(shapes, problem.loads, problem.required, problem.pairs, problem.alpha_rad)
+        step = None if progress is None else (lambda _, worst, what=label: progress(what, worst))
+        polished = polish(attempt, first, progress=step)
+        hard = max(float(polished.infeasibility[: problem.required].max()) / 1e-13, polished.violation / 1e-6, 1.0)
+        rank = (hard, float(polished.infeasibility.max()))
+        if best is None or rank < best[0]:
+            best = (rank, shapes, polished)
+        # The tilt margin is a wish: it is worth a second attempt, not all of them.
+        if rank[0] <= 1.0 and (rank[1] <= 1e-9 or label != "few joints"):
+            break
+    assert best is not None
+    return best[1], best[2]
+
+
+def _attempts(problem: Problem, start: Parameters) -> Iterator[tuple[str, Shapes2D, Parameters]]:
+    """Yield starting points from the most promising to the most stubborn.
+
+    First the joints that kinematic design asks for, then every joint from there, then uniform bumps of either
+    sign: at height h > 0 normals lean outwards, at h < 0 inwards, a choice the convex relaxation does not see.
+    """
+    shapes, loads = problem.shapes, problem.loads
+    points, normals, prices = shapes.candidate_rays()
+    allowed = np.isfinite(prices)
+    if problem.alpha_rad is not None:
+        axis = start.axis[problem.pairs[:, 1]]
+        allowed &= np.einsum("erd,ed->er", normals, axis) >= np.sin(problem.alpha_rad) - 1e-9
+    allowed |= prices == 0.0
+    cases = _telling_cases(problem)
+    required = required_wrenches(
+        shapes.contacts, points, normals, np.where(allowed, prices, 0.0), allowed, loads, cases
+    )
+    kinds = tuple(k for k in problem.shapes.options.kinds)
+    fitted, shape, curved = fit(shapes, required, start.axis, problem.pairs, problem.alpha_rad, kinds)
+    yield "few joints", fitted, Parameters(shape, start.lean, start.axis, curved)
+    every = shapes.can_curve
+    resting = np.where(curved[:, None], shape, shapes.rest)
+    yield "all joints", fitted, Parameters(resting, start.lean, start.axis, every)
+    for kind in kinds:
+        for height in (-0.12, 0.12, -0.25, 0.25):
+            family = shapes.with_kinds([kind] * len(shapes.contacts))
+            bumps = np.tile(shapes.rest, (len(shapes.contacts), 1))
+            bumps[:, shapes.heights[0]] = height
+            if kind == "z":
+                bumps[:, shapes.heights[1]] = -height
+            yield f"uniform {kind} {height:+.2f}", family, Parameters(bumps, start.lean, start.axis, every)
+
+
+def _telling_cases(problem: Problem) -> list[int]:
+    """Return the cases whose wrenches shape the joints: margins replace the cases they surround."""
+    total = len(problem.loads.gravity)
+    margins = list(range(problem.required, total))
+    return (margins or list(range(problem.required)))[:24]
+
+
+def _built(
+    assembly: Assembly,
+    problem: Problem,
+    parameters: Parameters,
+    required: Sequence[LoadCase],
+    before: Array,
+    polished: Polished,
+) -> tuple[Assembly, tuple[Joint, ...], tuple[Insertion, ...], tuple[CaseResult, ...]]:
+    u = problem.shapes.directions(parameters.lean)
+    joints = tuple(
+        problem.shapes.joint(e, parameters.shape[e], u[e]) if curved else planar(contact)
+        for e, (contact, curved) in enumerate(zip(problem.shapes.contacts, parameters.curved))
+    )
+    built = build_parts(assembly, joints)
+    motions = part_motions(assembly, joints)
+    insertion = tuple(
+        Insertion(assembly.parts[p].name, read_only(-_axis(m, parameters.axis[p], assembly.alpha_rad)), m.alpha_rad)
+        for p, m in motions.items()
+    )
+    cases = tuple(
+        CaseResult(case.name, float(b), float(a)) for case, b, a in zip(required, before, polished.infeasibility)
+    )
+    return built, joints, insertion, cases
+
+
+def _axis(motion: PartMotion, wanted: Array, alpha_rad: float | None) -> Array:
+    """Return the way out: the centre of the widest cone, which has the most room for error."""
+    return motion.axis if len(motion.normals) else wanted
+
+
+def _narrow_parts(assembly: Assembly, motions: dict[int, PartMotion]) -> tuple[NarrowPart, ...]:
+    if assembly.alpha_rad is None:
+        return ()
+    return tuple(
+        NarrowPart(
+            assembly.parts[p].name,
+            m.alpha_rad,
+            assembly.alpha_rad,
+            tuple(assembly.parts[b].name for b in m.blockers),
+        )
+        for p, m in motions.items()
+        if m.alpha_rad < assembly.alpha_rad - 1e-9
+    )
+
+
+def _notes(assembly: Assembly, shapes: Shapes2D, report: ContactReport) -> tuple[str, ...]:
+    notes = []
+    kept: BoolArray = ~shapes.can_curve
+    for e in np.flatnonzero(kept):
+        i, j = shapes.contacts[e].parts
+        names = f"'{assembly.parts[i].name}' and '{assembly.parts[j].name}'"
+        notes.append(f"The contact between {names} stays planar: too small, or across its pair's direction.")
+    for miss in report.near_misses:
+        notes.append(f"'{miss.parts[0]}' and '{miss.parts[1]}' nearly touch: {miss.gap_m * 1e3:.3g} mm apart.")
+    return tuple(notes)
+
+
+__all__ = ["Contact", "Designed", "NarrowPart", "Progress", "design", "margin_cases"]

@@ -1,0 +1,371 @@
+"""Geometric realization: joint parameters under which every load case is in equilibrium (Eq. 15, 18).
+
+Two steps. `fit` works joint by joint, as in Eq. 18/19: among realisable shapes, take the shallowest whose cone of
+generalized normals comes nearest to the wrenches that kinematic design requires of the joint. `polish` works on
+all joints together: it follows the envelope gradient of E on the true geometry, with moving centroids, until
+every case holds, while the assemblability cone, slopes and clearances are kept as constraints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from mocca_robot.assembly import Array, BoolArray, IntArray
+from mocca_robot.motion_cone import distance_to_cone, generalized_normals
+from planners.energy import EnergyResult, Loads, energy, load_power, local_power
+from planners.kinematic import Requirement
+from planners.shapes2d import Shapes2D
+
+
+@dataclass(frozen=True, eq=False)
+class Parameters:
+    """All unknowns of a design.
+
+    Attributes:
+        shape: (E, S) parameters of each joint.
+        lean: (Q, L) lean of each pair's principal direction, radians.
+        axis: (N, d) unit direction a_j = −d_j in which each part leaves.
+        curved: (E,) joints that may change; the others stay planar.
+    """
+
+    shape: Array
+    lean: Array
+    axis: Array
+    curved: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What polishing needs to know besides the parameters.
+
+    Attributes:
+        shapes: the parametrised joints.
+        loads: required cases first, then margin cases.
+        required: number of required cases.
+        pairs: (E, 2) parts of each joint.
+        alpha_rad: assemblability, None when not asked for.
+    """
+
+    shapes: Shapes2D
+    loads: Loads
+    required: int
+    pairs: IntArray
+    alpha_rad: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Polished:
+    """Where polishing ended: parameters, E per case on the true geometry, largest constraint violation."""
+
+    parameters: Parameters
+    infeasibility: Array
+    violation: float
+    evaluations: int
+
+
+ENERGY_WEIGHT = 10.0
+PENALTY_WEIGHT = 30.0
+SHALLOW_WEIGHT = 1e-6
+SOLVED = 1e-13
+"""E/|w|² of a required case that counts as zero: |s|/|w| below half of the verdict's tolerance."""
+MARGIN_SOLVED = 1e-9
+VIOLATED = 1e-6
+
+
+def evaluate(
+    problem: Problem, parameters: Parameters, inset: float = 0.0, warm: EnergyResult | None = None
+) -> tuple[EnergyResult, Array]:
+    """Return E of every case on the geometry of `parameters`, and the wrenches (K, N, dof) it was taken with.
+
+    `inset` narrows each joint about its middle and lowers its bump by that share, for designing with a reserve.
+    """
+    u = problem.shapes.directions(parameters.lean)
+    shape = np.where(parameters.curved[:, None], parameters.shape, _planar_shape(parameters.shape))
+    wrenches = problem.loads.wrenches + problem.loads.moved(problem.pairs, *problem.shapes.transferred(shape, u))
+    points, normals = _inset_rays(problem.shapes, shape, u, inset)
+    return energy(problem.loads, problem.pairs, points, normals, wrenches, warm), wrenches
+
+
+def _planar_shape(shape: Array) -> Array:
+    flat = shape.copy()
+    flat[:, 2:] = 0.0
+    return flat
+
+
+def _inset_rays(shapes: Shapes2D, shape: Array, u: Array, inset: float) -> tuple[Array, Array]:
+    if inset == 0.0:
+        return shapes.rays(shape, u)
+    lowered = shape.copy()
+    lowered[:, list(shapes.heights)] *= 1.0 - 2.0 * inset
+    points, normals = shapes.rays(lowered, u)
+    middle = shapes.centres[:, None]
+    return middle + (1.0 - inset) * (points - middle), normals
+
+
+def polish(
+    problem: Problem,
+    start: Parameters,
+    *,
+    evaluations: int = 60,
+    progress: Callable[[int, float], None] | None = None,
+) -> Polished:
+    """Return parameters near `start` for which every case holds and every constraint is kept, if found.
+
+    Works on the cases that fail only, and takes in others as they begin to. Stops as soon as the true geometry
+    satisfies all required cases and, to `MARGIN_SOLVED`, the margin cases.
+    """
+    count, parameters = 0, start
+    working = np.zeros(len(problem.loads.gravity), dtype=np.bool_)
+    while True:
+        with_reserve, _ = evaluate(problem, parameters, problem.shapes.options.inset)
+        failing = with_reserve.infeasibility > MARGIN_SOLVED
+        layout = _Layout.of(problem, parameters)
+        violation = _constraints(problem, parameters, layout)[2]
+        true, _ = evaluate(problem, parameters)
+        solved = not failing.any() and true.infeasibility[: problem.required].max(initial=0.0) <= SOLVED
+        if (solved and violation <= VIOLATED) or count >= evaluations or (count and not (failing & ~working).any()):
+            return Polished(parameters, true.infeasibility, violation, count)
+        # A few of the worst newcomers at a time: neighbouring states fail for the same reason.
+        newcomers = np.argsort(-np.where(working, -1.0, with_reserve.infeasibility))[:4]
+        working[newcomers[failing[newcomers]]] = True
+        if not working.any():
+            working[0] = True
+        part = replace(problem, loads=problem.loads.only(np.flatnonzero(working)))
+        parameters, used = _descend(part, parameters, evaluations - count, progress)
+        count += used
+
+
+def _descend(
+    problem: Problem, start: Parameters, evaluations: int, progress: Callable[[int, float], None] | None
+) -> tuple[Parameters, int]:
+    """Return where L-BFGS on energy and penalties ends, or stops because both are gone, and evaluations used."""
+    layout = _Layout.of(problem, start)
+    lower, upper = layout.bounds()
+    count = 0
+    last: EnergyResult | None = None
+
+    class Solved(Exception):
+        """Everything holds; `args[0]` is the optimiser's vector."""
+
+    def objective(x: Array) -> tuple[float, Array]:
+        nonlocal count, last
+        count += 1
+        value, gradient, last, violation = _objective(problem, layout, layout.parameters(x), last)
+        worst = float(last.infeasibility.max())
+        if progress is not None:
+            progress(count, worst)
+        if violation <= VIOLATED and worst <= 0.1 * MARGIN_SOLVED:
+            raise Solved(x.copy())
+        return value, gradient
+
+    try:
+        answer = minimize(
+            objective,
+            np.clip(layout.vector(start), lower, upper),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=list(zip(lower, upper)),
+            options={"maxfun": evaluations, "maxiter": evaluations, "ftol": 0.0, "gtol": 1e-12, "maxcor": 20},
+        )
+        return layout.parameters(answer.x), count
+    except Solved as solved:
+        return layout.parameters(solved.args[0]), count
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """The optimiser's vector: shapes of curved joints, leans of their pairs, tangential moves of part axes."""
+
+    joints: IntArray
+    pairs: IntArray
+    parts: IntArray
+    tangents: Array
+    start: Parameters
+    shape_bounds: tuple[Array, Array]
+
+    @classmethod
+    def of(cls, problem: Problem, start: Parameters) -> _Layout:
+        joints = np.flatnonzero(start.curved)
+        pairs = np.unique(problem.shapes.pair[joints])
+        parts = np.unique(problem.pairs[:, 1]) if problem.alpha_rad is not None else np.zeros(0, dtype=np.int64)
+        d = start.axis.shape[1]
+        if d == 2:
+            tangents = np.stack([-start.axis[:, 1], start.axis[:, 0]], axis=1)[:, None]
+        else:
+            seed = np.eye(3)[np.abs(start.axis).argmin(axis=1)]
+            first = np.cross(start.axis, seed)
+            first /= np.linalg.norm(first, axis=1)[:, None]
+            tangents = np.stack([first, np.cross(start.axis, first)], axis=1)
+        return cls(joints, pairs, parts, tangents, start, problem.shapes.bounds())
+
+    @property
+    def sizes(self) -> tuple[int, int, int]:
+        s, lean = self.start.shape.shape[1], self.start.lean.shape[1]
+        return len(self.joints) * s, len(self.pairs) * lean, len(self.parts) * self.tangents.shape[1]
+
+    def vector(self, parameters: Parameters) -> Array:
+        moves = np.zeros(self.sizes[2])
+        return np.concatenate([parameters.shape[self.joints].ravel(), parameters.lean[self.pairs].ravel(), moves])
+
+    def parameters(self, x: Array) -> Parameters:
+        n_shape, n_lean, _ = self.sizes
+        shape, lean, axis = self.start.shape.copy(), self.start.lean.copy(), self.start.axis.copy()
+        shape[self.joints] = x[:n_shape].reshape(len(self.joints), -1)
+        lean[self.pairs] = x[n_shape : n_shape + n_lean].reshape(len(self.pairs), -1)
+        moves = x[n_shape + n_lean :].reshape(len(self.parts), -1)
+        axis[self.parts] += np.einsum("pt,ptd->pd", moves, self.tangents[self.parts])
+        axis /= np.linalg.norm(axis, axis=1)[:, None]
+        return Parameters(shape, lean, axis, self.start.curved)
+
+    def bounds(self) -> tuple[Array, Array]:
+        low, high = self.shape_bounds
+        lean = np.full(self.sizes[1], np.deg2rad(50.0))
+        move = np.full(self.sizes[2], 1.5)
+        return (
+            np.concatenate([np.tile(low, len(self.joints)), -lean, -move]),
+            np.concatenate([np.tile(high, len(self.joints)), lean, move]),
+        )
+
+
+def _objective(
+    problem: Problem, layout: _Layout, parameters: Parameters, warm: EnergyResult | None
+) -> tuple[float, Array, EnergyResult, float]:
+    """Return value and gradient of energy + penalties, the energy itself (with inset), the worst violation."""
+    shapes, options = problem.shapes, problem.shapes.options
+    result, wrenches = evaluate(problem, parameters, options.inset, warm)
+    penalty, axis_gradient, violation = _constraints(problem, parameters, layout)
+    curved = parameters.curved
+    heights = parameters.shape[:, list(shapes.heights)] * curved[:, None]
+    value = (
+        ENERGY_WEIGHT * result.total
+        + PENALTY_WEIGHT * float(penalty.sum())
+        + SHALLOW_WEIGHT * float((heights**2).sum())
+    )
+
+    def local(shape: Array, lean: Array) -> Array:
+        """Everything that depends on one joint only, (E,), as a function of all joints' parameters."""
+        u = shapes.directions(lean)
+        shape = np.where(curved[:, None], shape, _planar_shape(shape))
+        points, normals = _inset_rays(shapes, shape, u, options.inset)
+        power = local_power(result, problem.loads, problem.pairs, points, normals)
+        power += _load_power_per_joint(problem, result, wrenches, *shapes.transferred(shape, u))
+        moved = Parameters(shape, lean, parameters.axis, curved)
+        h = shape[:, list(shapes.heights)] * curved[:, None]
+        own = _constraints(problem, moved, layout)[0]
+        return np.asarray(ENERGY_WEIGHT * power + PENALTY_WEIGHT * own + SHALLOW_WEIGHT * (h**2).sum(axis=1))
+
+    step = 1e-6
+    base = local(parameters.shape, parameters.lean)
+    shape_gradient = np.zeros_like(parameters.shape)
+    for s in range(shape_gradient.shape[1]):
+        moved = parameters.shape.copy()
+        moved[:, s] += step
+        shape_gradient[:, s] = (local(moved, parameters.lean) - base) / step
+    lean_gradient = np.zeros_like(parameters.lean)
+    for k in range(lean_gradient.shape[1]):
+        leaned = parameters.lean.copy()
+        leaned[:, k] += step
+        change = (local(parameters.shape, leaned) - base) / step
+        np.add.at(lean_gradient[:, k], shapes.pair[curved], change[curved])
+    tangential = PENALTY_WEIGHT * np.einsum("pd,ptd->pt", axis_gradient[layout.parts], layout.tangents[layout.parts])
+    gradient = np.concatenate(
+        [shape_gradient[layout.joints].ravel(), lean_gradient[layout.pairs].ravel(), tangential.ravel()]
+    )
+    return value, gradient, result, violation
+
+
+def _load_power_per_joint(
+    problem: Problem, result: EnergyResult, wrenches: Array, volume: Array, moment: Array
+) -> Array:
+    """Return (E,) rᵀ dw of the mass each joint moves: linear in volume and moment, so evaluated per joint."""
+    loads, pairs = problem.loads, problem.pairs
+    scale = np.maximum(np.linalg.norm(wrenches.reshape(len(wrenches), -1), axis=1), 1e-300)
+    d = loads.about.shape[1]
+    power = np.zeros(len(pairs))
+    for gravity, motion, unit in zip(loads.gravity, result.motions, scale):
+        for side, sign in ((0, 1.0), (1, -1.0)):
+            part = pairs[:, side]
+            density = sign * loads.weight_per_volume[part] / unit
+            linear = motion[part, :d]
+            arm = moment - volume[:, None] * loads.about[part]
+            if d == 2:
+                lever = arm[:, 0] * gravity[1] - arm[:, 1] * gravity[0]
+                turning = motion[part, 2] * lever / loads.length
+            else:
+                turning = np.einsum("ed,ed->e", motion[part, 3:], np.cross(arm, gravity)) / loads.length
+            power += density * (volume * (linear @ gravity) + turning)
+    return power
+
+
+def _constraints(problem: Problem, parameters: Parameters, layout: _Layout) -> tuple[Array, Array, float]:
+    """Return squared hinge penalties per joint (E,), their gradient by part axis (N, d), the worst violation.
+
+    Assemblability n̂·a_j ≥ sin α, slope n̂·n_contact ≥ cos(max slope), room and radius.
+    """
+    shapes, options = problem.shapes, problem.shapes.options
+    u = shapes.directions(parameters.lean)
+    shape = np.where(parameters.curved[:, None], parameters.shape, _planar_shape(parameters.shape))
+    _, normals = shapes.rays(shape, u)
+    slope = np.maximum(0.0, np.cos(options.max_slope_rad) - np.einsum("erd,ed->er", normals, shapes.normals))
+    room = np.maximum(0.0, shapes.violations(shape, u))
+    penalty = (slope**2).sum(axis=1) + (room**2).sum(axis=1)
+    worst = max(float(slope.max(initial=0.0)), float(room.max(initial=0.0)))
+    axis_gradient = np.zeros_like(parameters.axis)
+    if problem.alpha_rad is not None:
+        later = problem.pairs[:, 1]
+        a = parameters.axis[later]
+        wanted = np.sin(min(problem.alpha_rad + options.alpha_margin_rad, np.pi / 2))
+        short = np.maximum(0.0, wanted - np.einsum("erd,ed->er", normals, a))
+        penalty = penalty + (short**2).sum(axis=1)
+        np.add.at(axis_gradient, later, -2.0 * np.einsum("er,erd->ed", short, normals))
+        strict = np.sin(problem.alpha_rad) - np.einsum("erd,ed->er", normals, a)
+        worst = max(worst, float(strict.max(initial=0.0)))
+    return penalty, axis_gradient, worst
+
+
+def fit(
+    shapes: Shapes2D,
+    required: Requirement,
+    axis: Array,
+    pairs: IntArray,
+    alpha_rad: float | None,
+    kinds: tuple[str, ...],
+) -> tuple[Shapes2D, Array, BoolArray]:
+    """Return families, shapes (E, S) and which joints curve: for each joint the realisable shape that comes
+    nearest to its required wrenches (Eq. 18, 19), the shallowest among equals.
+
+    Joints that need no slope stay planar. Shapes that break the assemblability cone, the slope bound or their
+    room are left out.
+    """
+    catalogue = shapes.catalogue(kinds)
+    curved = (required.slope > 1e-4) & shapes.can_curve
+    lean = np.zeros((len(shapes.pair_normal), shapes.n_lean))
+    u = shapes.directions(lean)
+    best = np.full(len(pairs), np.inf)
+    chosen = np.zeros(len(pairs), dtype=np.int64)
+    d = shapes.normals.shape[1]
+    for index, (kind, row) in enumerate(catalogue):
+        family = shapes.with_kinds([kind] * len(pairs))
+        rows = np.tile(row, (len(pairs), 1))
+        points, normals = family.rays(rows, u)
+        good = (np.einsum("erd,ed->er", normals, shapes.normals) >= np.cos(shapes.options.max_slope_rad)).all(axis=1)
+        good &= (family.violations(rows, u) <= 0.0).all(axis=1)
+        if alpha_rad is not None:
+            good &= (np.einsum("erd,ed->er", normals, axis[pairs[:, 1]]) >= np.sin(alpha_rad)).all(axis=1)
+        for e in np.flatnonzero(curved & good):
+            rays = generalized_normals(points[e] - shapes.centres[e], normals[e], None, shapes.lengths[e])
+            wanted = required.wrenches[:, e]
+            size = np.linalg.norm(wanted, axis=1)
+            heavy = np.argsort(-size)[:6]
+            miss = sum(distance_to_cone(rays, wanted[k])[0] ** 2 for k in heavy if size[k] > 1e-9)
+            score = miss / max(float((size[heavy] ** 2).sum()), 1e-300) + 1e-3 * float((row[2:] ** 2).sum())
+            if score < best[e]:
+                best[e], chosen[e] = score, index
+    found = np.isfinite(best)
+    shape = np.array([catalogue[c][1] for c in chosen])
+    shape[~found, 2:] = 0.0
+    return shapes.with_kinds([catalogue[c][0] if f else "n" for c, f in zip(chosen, found)]), shape, curved

@@ -1,0 +1,292 @@
+"""Flat joints as numbers: all joints of an assembly evaluated at once, for the optimiser.
+
+One row of `shape` per joint (w1, w2, h1, h2: see `mocca_robot.joints.spline`), one principal direction per pair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray, Polygon, read_only
+from mocca_robot.contacts import Contact
+from mocca_robot.joints.joint import Joint, planar
+from mocca_robot.joints.options import JointOptions
+from mocca_robot.joints.spline import SplineKind, polyline_joint, smallest_radius, spline_points
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes2D:
+    """The joints of a flat assembly, evaluated together.
+
+    Attributes:
+        contacts: one per joint.
+        kinds: 'n' or 'z' per joint.
+        pair: (E,) index of each joint's pair; joints of one pair share u.
+        pair_normal: (Q, 2) unit reference direction of each pair: u is it turned by the pair's lean.
+        clearance: how much room either part leaves.
+    """
+
+    assembly: Assembly
+    contacts: tuple[Contact, ...]
+    kinds: tuple[SplineKind, ...]
+    pair: IntArray
+    pair_normal: Array
+    options: JointOptions
+
+    n_shape = 4
+    n_lean = 1
+    heights = (2, 3)
+    """Columns of `shape` that are heights: a joint with all of them zero is planar."""
+
+    @classmethod
+    def of(cls, assembly: Assembly, contacts: Sequence[Contact], options: JointOptions) -> Shapes2D:
+        """Return the n-type joints over `contacts`."""
+        pairs = sorted({c.parts for c in contacts})
+        index = {p: k for k, p in enumerate(pairs)}
+        normals = np.zeros((len(pairs), 2))
+        for c in contacts:
+            normals[index[c.parts]] += c.normal * c.measure
+        norms = np.linalg.norm(normals, axis=1)
+        first = {c.parts: c.normal for c in reversed(contacts)}
+        for q, p in enumerate(pairs):
+            normals[q] = normals[q] / norms[q] if norms[q] > 1e-9 else first[p]
+        pair = np.array([index[c.parts] for c in contacts])
+        return cls(assembly, tuple(contacts), ("n",) * len(contacts), pair, read_only(normals), options)
+
+    @property
+    def rest(self) -> Array:
+        """Return the row of `shape` of a planar joint."""
+        flat = max(self.options.margin, 0.02) + 0.02
+        return np.array([flat, flat, 0.0, 0.0])
+
+    @cached_property
+    def segments(self) -> Array:
+        """Return (E, 2, 2) contact end points."""
+        return read_only([c.polygon for c in self.contacts])
+
+    @cached_property
+    def normals(self) -> Array:
+        """Return (E, 2) contact normals."""
+        return read_only([c.normal for c in self.contacts])
+
+    @cached_property
+    def centres(self) -> Array:
+        """Return (E, 2) contact mid points."""
+        return read_only(self.segments.mean(axis=1))
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Return (E,) contact lengths, m."""
+        return read_only([c.measure for c in self.contacts])
+
+    @cached_property
+    def can_curve(self) -> BoolArray:
+        """Return (E,) whether a contact may become a joint: long enough, and u can be a height direction of it."""
+        upright = np.einsum("ed,ed->e", self.normals, self.pair_normal[self.pair]) > 0.35
+        return read_only((self.lengths >= self.options.min_contact) & upright, np.bool_)
+
+    def directions(self, lean: Array) -> Array:
+        """Return (E, 2) principal directions for the pairs' leans (Q, 1), radians."""
+        c, s = np.cos(lean[:, 0]), np.sin(lean[:, 0])
+        n = self.pair_normal
+        turned = np.stack([c * n[:, 0] - s * n[:, 1], s * n[:, 0] + c * n[:, 1]], axis=1)
+        return np.asarray(turned[self.pair])
+
+    def curves(self, shape: Array, u: Array) -> Array:
+        """Return (E, 21, 2) curve points for shapes (E, 4) and directions (E, 2)."""
+        points = np.empty((len(shape), 21, 2))
+        for kind in ("n", "z"):
+            which = np.array([k == kind for k in self.kinds])
+            if which.any():
+                points[which] = spline_points(kind, self.segments[which], u[which], shape[which])
+        return points
+
+    def rays(self, shape: Array, u: Array) -> tuple[Array, Array]:
+        """Return contact points and normals, (E, 40, 2) each: both ends of every straight piece."""
+        curve = self.curves(shape, u)
+        step = np.diff(curve, axis=1)
+        normals = np.stack([step[..., 1], -step[..., 0]], axis=-1)
+        normals /= np.maximum(np.linalg.norm(normals, axis=-1), 1e-300)[..., None]
+        points = np.concatenate([curve[:, :-1], curve[:, 1:]], axis=1)
+        return points, np.concatenate([normals, normals], axis=1)
+
+    def transferred(self, shape: Array, u: Array) -> tuple[Array, Array]:
+        """Return the area (E,) and first moment (E, 2) that each joint moves from P_j to P_i."""
+        curve = self.curves(shape, u) - self.segments[:, :1]
+        ring = np.concatenate([curve, curve[:, :1]], axis=1)
+        cross = ring[:, :-1, 0] * ring[:, 1:, 1] - ring[:, :-1, 1] * ring[:, 1:, 0]
+        area = 0.5 * cross.sum(axis=1)
+        first = ((ring[:, :-1] + ring[:, 1:]) * cross[..., None]).sum(axis=1) / 6.0
+        return area, first + area[:, None] * self.segments[:, 0]
+
+    @cached_property
+    def clearance(self) -> Clearance2D:
+        """Return how much room the parts leave for joints."""
+        return Clearance2D.of(self)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the lower and upper bounds of one row of `shape`."""
+        flat, high = max(self.options.margin, 0.02), self.options.max_height
+        return np.array([flat, flat, -high, -high]), np.array([0.4, 0.4, high, high])
+
+    def violations(self, shape: Array, u: Array) -> Array:
+        """Return (E, V) how far shapes exceed their room and their smallest radius, in contact lengths; ≤ 0 is well."""
+        room = self.clearance.violation(self.curves(shape, u)) / self.lengths[:, None]
+        if self.options.min_radius <= 0.0:
+            return np.asarray(room)
+        radius = np.empty(len(shape))
+        for kind in ("n", "z"):
+            which = np.array([k == kind for k in self.kinds])
+            radius[which] = smallest_radius(kind, self.lengths[which], shape[which])
+        missing = (self.options.min_radius - radius) / self.lengths
+        return np.concatenate([room, np.where(self.flat(shape), -1.0, missing)[:, None]], axis=1)
+
+    def flat(self, shape: Array) -> BoolArray:
+        """Return (E,) whether a shape is planar."""
+        second = np.where(np.array([k == "z" for k in self.kinds]), np.abs(shape[:, 3]), 0.0)
+        return np.asarray(np.maximum(np.abs(shape[:, 2]), second) < 1e-4)
+
+    def candidate_rays(self) -> tuple[Array, Array, Array]:
+        """Return points (E, R, 2), normals (E, R, 2) and prices (E, R) of forces that joints could transmit.
+
+        The planar contact's own at its ends cost nothing; sloped ones stand where a bump's flanks can be and cost
+        the tangent of their slope.
+        """
+        ends, span = self.segments, self.segments[:, 1] - self.segments[:, 0]
+        points, normals, prices = [ends[:, 0], ends[:, 1]], [self.normals] * 2, [np.zeros(len(span))] * 2
+        tangents = span / self.lengths[:, None]
+        for position in (0.3, 0.7):
+            for slope in (np.deg2rad(25.0), np.deg2rad(50.0)):
+                for side in (1.0, -1.0):
+                    allowed = slope <= self.options.max_slope_rad
+                    points.append(self.segments[:, 0] + position * span)
+                    normals.append(np.cos(slope) * self.normals + side * np.sin(slope) * tangents)
+                    price = np.tan(slope) if allowed else np.inf
+                    prices.append(np.where(self.can_curve, price, np.inf))
+        return np.stack(points, 1), np.stack(normals, 1), np.stack(prices, 1)
+
+    def catalogue(self, kinds: Sequence[str]) -> list[tuple[SplineKind, Array]]:
+        """Return realisable shapes (kind, (4,)) from shallow to sharp, the starting points of the realization."""
+        flat = max(self.options.margin, 0.02) + 0.02
+        shapes: list[tuple[SplineKind, Array]] = []
+        for height in (0.06, 0.12, 0.2, 0.3, 0.42):
+            if height > self.options.max_height:
+                continue
+            for sign in (1.0, -1.0):
+                shapes.append(("n", np.array([flat, flat, sign * height, 0.0])))
+                if height <= 0.2 and "z" in kinds:
+                    shapes.append(("z", np.array([flat, flat, sign * height, -sign * height])))
+        return shapes
+
+    def with_kinds(self, kinds: Sequence[SplineKind]) -> Shapes2D:
+        """Return the same joints with other families."""
+        return replace(self, kinds=tuple(kinds))
+
+    def joint(self, index: int, shape: Array, u: Array) -> Joint:
+        """Return joint `index` built with the parameters shape (4,) and u (2,); planar when it has no height."""
+        contact, kind = self.contacts[index], self.kinds[index]
+        length = contact.measure
+        if abs(shape[2]) < 1e-4 and (kind == "n" or abs(shape[3]) < 1e-4):
+            return planar(contact)
+        points = spline_points(kind, self.segments[index][None], u[None], shape[None])[0]
+        names = ("w1", "w2", "h") if kind == "n" else ("w1", "w2", "h1", "h2")
+        parameters = {name: float(value * length) for name, value in zip(names, shape)}
+        parameters["lean_rad"] = float(np.arctan2(_cross2(contact.normal, u), contact.normal @ u))
+        return polyline_joint(contact, kind, u, points, parameters)
+
+
+def _cross2(a: Array, b: Array) -> float:
+    return float(a[0] * b[1] - a[1] * b[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Clearance2D:
+    """Room for joints inside the parts: boundary edges each joint must keep away from.
+
+    A joint's bump must stay `margin` away from every other edge of the part it goes into, and nearer to its own
+    contact than to any other contact of that part, so that joints can never meet whatever their parameters.
+
+    Attributes:
+        start, end: (E, 2, K, 2) obstacle edges for joint e on side 0 (inside P_i) and 1 (inside P_j), padded.
+        is_contact: (E, 2, K) whether the obstacle may itself become a joint.
+        margin: (E,) metres.
+    """
+
+    start: Array
+    end: Array
+    is_contact: BoolArray
+    margin: Array
+    origin: Array
+    normal: Array
+    length: Array
+
+    @classmethod
+    def of(cls, shapes: Shapes2D) -> Clearance2D:
+        """Return the obstacles of every joint of `shapes`."""
+        edges = [_boundary_pieces(shapes.assembly, shapes.contacts, p) for p in range(len(shapes.assembly.parts))]
+        most = max(len(e[0]) for e in edges)
+        count = len(shapes.contacts)
+        far = shapes.assembly.size * 1e3
+        start = np.full((count, 2, most, 2), far)
+        end = start + 1.0
+        is_contact = np.zeros((count, 2, most), dtype=np.bool_)
+        for e, contact in enumerate(shapes.contacts):
+            for side, part in enumerate(contact.parts):
+                a, b, owner = edges[part]
+                other = owner != e
+                k = int(other.sum())
+                start[e, side, :k], end[e, side, :k] = a[other], b[other]
+                is_contact[e, side, :k] = owner[other] >= 0
+        margin = np.maximum(shapes.options.margin * shapes.lengths, shapes.options.min_distance)
+        return cls(start, end, is_contact, margin, shapes.segments[:, 0], shapes.normals, shapes.lengths)
+
+    def violation(self, curves: Array) -> Array:
+        """Return (E, V) how far, m, curve points (E, V, 2) are beyond their room; ≤ 0 where all is well."""
+        offset = curves - self.origin[:, None]
+        height = np.einsum("evd,ed->ev", offset, self.normal)
+        tangent = np.stack([-self.normal[:, 1], self.normal[:, 0]], axis=1)
+        along = np.einsum("evd,ed->ev", offset, tangent)
+        beside = np.maximum(np.maximum(-along, along - self.length[:, None]), 0.0)
+        own = np.hypot(height, beside)
+        worst = np.full(height.shape, -np.inf)
+        for side, inside in ((0, height < 0), (1, height > 0)):
+            a, d = self.start[:, side, None], (self.end - self.start)[:, side, None]
+            t = np.einsum("evkd,evkd->evk", curves[:, :, None] - a, np.broadcast_to(d, (*d.shape[:1], 1, *d.shape[2:])))
+            t = np.clip(t / np.maximum((d**2).sum(axis=-1), 1e-300), 0.0, 1.0)
+            distance = np.linalg.norm(curves[:, :, None] - a - t[..., None] * d, axis=-1)
+            needed = self.margin[:, None, None] + np.where(self.is_contact[:, side, None], own[..., None], 0.0)
+            worst = np.where(inside, np.maximum(worst, (needed - distance).max(axis=-1)), worst)
+        flat = np.abs(height) <= 1e-6 * self.length[:, None]
+        return np.where(flat, -np.inf, worst)
+
+
+def _boundary_pieces(assembly: Assembly, contacts: Sequence[Contact], part: int) -> tuple[Array, Array, IntArray]:
+    """Return the boundary of a part cut at its contacts: starts, ends (K, 2) and the contact index or −1."""
+    shape = assembly.parts[part].shape
+    assert isinstance(shape, Polygon)
+    tolerance = 1e-4 * assembly.size
+    mine = [(e, c) for e, c in enumerate(contacts) if part in c.parts]
+    starts, ends, owners = [], [], []
+    for ring in shape.rings:
+        for a, b in zip(ring, np.roll(ring, -1, axis=0)):
+            length = float(np.linalg.norm(b - a))
+            t = (b - a) / length
+            normal = np.array([t[1], -t[0]])
+            marks = [(0.0, 0.0, -1)]
+            for e, c in mine:
+                along, off = (c.polygon - a) @ t, np.abs((c.polygon - a) @ normal)
+                facing = float(c.normal @ normal) * (1 if c.parts[0] == part else -1)
+                if off.max() < tolerance and facing > 0.9 and along.min() > -tolerance:
+                    if along.max() < length + tolerance:
+                        marks.append((float(along.min()), float(along.max()), e))
+            marks.sort()
+            for (_, left, _), (right, _, _) in zip(marks, [*marks[1:], (length, length, -1)]):
+                if right - left > tolerance:
+                    starts.append(a + left * t), ends.append(a + right * t), owners.append(-1)
+            for left, right, e in marks[1:]:
+                starts.append(a + left * t), ends.append(a + right * t), owners.append(e)
+    return np.array(starts), np.array(ends), np.array(owners)
