@@ -1,0 +1,337 @@
+"""Writes the flat models of this folder as SVG: `python configs/models/draw.py [FOLDER]`.
+
+A drawing is a dictionary of outlines in millimetres, x to the right, y up. An outline is a list of points: `(x, y)` is
+a corner, `(x, y, S)` a point that a smooth curve runs through between the corners before and after it. Straight
+edges that two outlines share become contacts. Corners are rounded once, and a corner of one part that lies on an edge
+of another is added to that edge, so that neighbours share their vertices to the last digit.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+Point = tuple[float, float]
+Outline = list[tuple[float, ...]]
+Drawing = dict[str, Outline]
+
+S = 1.0
+"""Marks a point on a smooth curve."""
+DIGITS = 4
+MARGIN_MM = 10.0
+FIXED = "#b8b8b8"
+PALETTE = ("#77aadd", "#ee8866", "#eedd88", "#44bb99", "#ffaabb", "#bbcc33", "#99ddff", "#aaaa00")
+"""Paul Tol's light scheme: its colours stay apart in common colour blindness. Grey is kept for fixed parts."""
+
+
+def mirrored(outline: Outline, axis_x: float = 0.0) -> Outline:
+    """Return the outline mirrored left to right."""
+    return [(2 * axis_x - p[0], *p[1:]) for p in reversed(outline)]
+
+
+def turned(outline: Outline, angle_deg: float) -> Outline:
+    """Return the outline turned clockwise about the origin."""
+    c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+    return [(c * p[0] + s * p[1], -s * p[0] + c * p[1], *p[2:]) for p in outline]
+
+
+def letter_m() -> Drawing:
+    """Ten parts in one chain: two legs of four blocks, and two arms that slide down their slanted shoulders."""
+    left: Drawing = {
+        "foot_left": [
+            (-16, 0), (140, 0), (140, 26), (128, 34, S), (124, 54, S), (124, 84), (0, 84), (0, 54, S), (-4, 34, S),
+            (-16, 26),
+        ],
+        "shin_left": [(0, 84), (124, 84), (124, 164), (0, 164)],
+        "thigh_left": [(0, 164), (124, 164), (124, 236), (0, 236)],
+        "shoulder_left": [(0, 236), (124, 236), (124, 258), (0, 324)],
+        "arm_left": [(0, 324), (124, 258), (205, 168), (205, 228), (108, 396), (0, 396)],
+    }  # fmt: skip
+    right = {name.replace("left", "right"): mirrored(outline, 205) for name, outline in left.items()}
+    return left | right
+
+
+def scarecrow() -> Drawing:
+    """A body on a pole; the head is a wedge between two arms that balance on sloping shoulders."""
+    arm: Outline = [
+        (22, 250), (82, 234), (120, 226, S), (178, 222), (182, 212), (204, 226), (232, 214), (226, 234), (246, 242),
+        (226, 252), (232, 270), (204, 262), (184, 276), (180, 264), (130, 280, S), (104, 292, S), (78, 290),
+    ]
+    return {
+        "body": [
+            (0, 0), (14, 26), (14, 84), (34, 70), (50, 86), (68, 68), (96, 84), (84, 150, S), (80, 200, S), (82, 234),
+            (22, 250), (-22, 250), (-82, 234), (-80, 200, S), (-84, 150, S), (-96, 84), (-68, 68), (-50, 86), (-34, 70),
+            (-14, 84), (-14, 26),
+        ],
+        "arm_left": mirrored(arm),
+        "arm_right": arm,
+        "head": [
+            (-22, 250), (22, 250), (78, 290), (72, 312, S), (66, 340, S), (62, 372), (112, 366), (116, 382), (58, 392),
+            (50, 430, S), (22, 482), (2, 470, S), (-22, 474), (-50, 430, S), (-58, 392), (-116, 382), (-112, 366),
+            (-62, 372), (-66, 340, S), (-72, 312, S), (-78, 290),
+        ],
+    }  # fmt: skip
+
+
+def tree() -> Drawing:
+    """A fir: three tiers, each split down the middle, on a trunk whose top sheds them to either side."""
+    right: Drawing = {
+        "low_right": [(0, 122), (54, 112), (100, 98, S), (160, 84), (100, 142, S), (52, 222), (0, 232)],
+        "middle_right": [(0, 232), (52, 222), (86, 210, S), (128, 196), (82, 246, S), (42, 320), (0, 328)],
+        "top_right": [(0, 328), (42, 320), (64, 312, S), (98, 298), (50, 360, S), (0, 450)],
+    }
+    trunk: Outline = [
+        (-54, 112), (-56, 60, S), (-70, 24, S), (-104, 0), (104, 0), (70, 24, S), (56, 60, S), (54, 112), (0, 122),
+    ]  # fmt: skip
+    left = {name.replace("right", "left"): mirrored(outline) for name, outline in right.items()}
+    return {"trunk": trunk} | left | right
+
+
+def stack() -> Drawing:
+    """A cairn: stones on slanted beds, with two stones side by side in the second layer."""
+
+    def bed(x: float, y: float, half: float, slope_deg: float) -> tuple[Point, Point]:
+        dx, dy = half * math.cos(math.radians(slope_deg)), half * math.sin(math.radians(slope_deg))
+        return (x - dx, y - dy), (x + dx, y + dy)
+
+    def stone(beds_below: list[tuple[Point, Point]], beds_above: list[tuple[Point, Point]], bulge: float) -> Outline:
+        (left, right), (top_left, top_right) = (
+            (beds_below[0][0], beds_below[-1][1]),
+            (beds_above[0][0], beds_above[-1][1]),
+        )
+        height = 0.5 * (top_left[1] + top_right[1] - left[1] - right[1])
+        out_right, out_left = max(right[0], top_right[0]) + bulge, min(left[0], top_left[0]) - bulge
+        up = [p for bed in beds_below for p in bed]
+        down = [p for bed in reversed(beds_above) for p in reversed(bed)]
+        right_side = [(out_right - 2, right[1] + 0.35 * height, S), (out_right, right[1] + 0.65 * height, S)]
+        left_side = [(out_left, left[1] + 0.65 * height, S), (out_left + 2, left[1] + 0.35 * height, S)]
+        return [*up, *right_side, *down, *left_side]
+
+    ground = bed(0, 46, 84, 7)
+    twins = [bed(-50, 112, 32, 9), bed(52, 112, 30, -9)]
+    lintel = [bed(-48, 162, 30, -8), bed(50, 162, 30, 8)]
+    upper = [bed(4, 218, 58, -10), bed(-3, 270, 50, 12), bed(4, 318, 42, -11), bed(-2, 360, 34, 12), bed(3, 398, 26, -10)]
+    crown = upper[-1]
+    return {
+        "ground": [(-190, 0), (190, 0), (160, 22, S), (120, 42, S), ground[1], ground[0], (-120, 34, S), (-160, 20, S)],
+        "boulder": stone([ground], twins, 22),
+        "twin_left": stone([twins[0]], [lintel[0]], 8),
+        "twin_right": stone([twins[1]], [lintel[1]], 8),
+        "slab": stone(lintel, [upper[0]], 18),
+        **{
+            name: stone([below], [above], 14)
+            for name, below, above in zip(("cobble_1", "cobble_2", "cobble_3", "cobble_4"), upper, upper[1:])
+        },
+        "pebble": [*crown, (34, 412, S), (22, 434, S), (0, 442, S), (-20, 436, S), (-32, 418, S)],
+    }
+
+
+def leaning_tower(lean_deg: float, doorway: bool) -> Drawing:
+    """A battlemented tower of running bond, turned as a whole; only its lowest stones are cut for the lean.
+
+    With a doorway the footing is two stones, which the middle stone of the lowest course bridges.
+    """
+    width, course, bulge, overhang = 168.0, 62.0, 4.0, 12.0
+    cut = math.tan(math.radians(0.5 * lean_deg))
+    footing = 84.0
+
+    def bed(k: int, x: float) -> Point:
+        return x, footing + k * course + (cut * (x - width / 2) if k == 0 else 0.0)
+
+    def block(k: int, x0: float, x1: float) -> Outline:
+        low_left, low_right, high_right, high_left = bed(k, x0), bed(k, x1), bed(k + 1, x1), bed(k + 1, x0)
+        right = [(width + bulge, 0.5 * (low_right[1] + high_right[1]), S)] if x1 == width else []
+        left = [(-bulge, 0.5 * (low_left[1] + high_left[1]), S)] if x0 == 0.0 else []
+        return [low_left, low_right, *right, high_right, high_left, *left]
+
+    third, sixth, middle = width / 3, width / 6, width / 2
+    seams = [[0, third, 2 * third, width], [0, sixth, middle, 5 * sixth, width], [0, third, 2 * third, width]]
+    parts: Drawing = {}
+    for k, row in enumerate(seams):
+        for n, (x0, x1) in reversed(list(enumerate(zip(row, row[1:])))):
+            parts[f"course_{k + 1}_{n + 1}"] = block(k, x0, x1)
+    merlon, gap = (width + 2 * overhang) * 0.15, (width + 2 * overhang) * 0.4 / 3
+    low, high, tip = bed(3, 0)[1], bed(4, 0)[1], bed(4, 0)[1] + 26.0
+    edge = width + overhang
+    parts["parapet_right"] = [
+        (middle, low), (width, low), (width, low + 22), (edge, low + 36), (edge, tip), (edge - merlon, tip),
+        (edge - merlon, high), (edge - merlon - gap, high), (edge - merlon - gap, tip),
+        (middle + gap / 2, tip), (middle + gap / 2, high), (middle, high),
+    ]  # fmt: skip
+    parts["parapet_left"] = mirrored(parts["parapet_right"], middle)
+    return _footing(lean_deg, doorway, width, bed(0, 0), bed(0, width)) | {
+        name: turned(outline, lean_deg) for name, outline in parts.items()
+    }
+
+
+def _footing(lean_deg: float, doorway: bool, width: float, left: Point, right: Point) -> Drawing:
+    """The fixed stones: what the leaning shaft stands on, down to level ground."""
+    slope = math.tan(math.radians(lean_deg))
+    ground = min(0.0, *(y for _, y in turned([(0.0, 0.0), (width, 0.0)], lean_deg)))  # type: ignore[misc]
+    cos = math.cos(math.radians(lean_deg))
+
+    def at_ground(x: float) -> Point:
+        return x, ground / cos + slope * x
+
+    foot_left, foot_right, top_left, top_right = turned([at_ground(0), at_ground(width), left, right], lean_deg)
+    x0, x1, y0 = foot_left[0] - 46, foot_right[0] + 46, ground - 24
+    left_side: Outline = [top_left, foot_left, (x0, ground), (x0, y0)]
+    right_side: Outline = [(x1, y0), (x1, ground), foot_right, top_right]
+    if not doorway:
+        return {"footing": [*left_side, *right_side]}
+    middle, jamb, slit = width / 2, 22.0, 5.0
+    crown = 0.5 * (left[1] + right[1])
+    tilt = (right[1] - left[1]) / width
+
+    def door(side: float) -> Outline:
+        head = (middle + side * slit, crown + tilt * side * slit)
+        arch = [(middle + side * slit, crown - 16), (middle + side * 17, crown - 34, S), (middle + side * jamb, crown - 56)]
+        return turned([head, *arch, at_ground(middle + side * jamb)], lean_deg)
+
+    inner_left, inner_right = door(-1.0), door(1.0)
+    return {
+        "footing_left": [*left_side, (inner_left[-1][0], y0), *reversed(inner_left)],
+        "footing_right": [*right_side, *inner_right, (inner_right[-1][0], y0)],
+    }
+
+
+def deer() -> Drawing:
+    """A stag: the belly is a keystone between rump and chest, the neck stands on back and chest."""
+    return {
+        "legs_hind": [
+            (66, 158), (128, 148), (160, 146), (152, 112, S), (146, 70, S), (150, 22, S), (158, 0), (130, 0),
+            (128, 40, S), (124, 76, S), (114, 96, S), (104, 70, S), (98, 30, S), (104, 0), (76, 0), (74, 40, S),
+            (80, 72, S), (62, 112, S),
+        ],
+        "legs_fore": [
+            (228, 146), (256, 148), (328, 158), (322, 112, S), (312, 70, S), (314, 22, S), (320, 0), (292, 0),
+            (292, 40, S), (288, 80, S), (276, 104, S), (266, 80, S), (262, 30, S), (266, 0), (238, 0), (240, 30, S),
+            (240, 80, S), (236, 112, S),
+        ],
+        "rump": [(66, 158), (128, 148), (94, 206), (46, 212), (46, 184, S)],
+        "chest": [(256, 148), (328, 158), (352, 182, S), (362, 222), (324, 239.48), (295, 252.82), (290, 206)],
+        "belly": [
+            (128, 148), (160, 146), (194, 154, S), (228, 146), (256, 148), (290, 206), (94, 206),
+        ],
+        "withers": [(238, 206), (290, 206), (295, 252.82), (262, 268), (250, 264, S), (238, 262)],
+        "back": [(158, 206), (238, 206), (238, 262), (196, 256, S), (158, 260)],
+        "croup": [(46, 212), (94, 206), (158, 206), (158, 260), (110, 264, S), (78, 260), (48, 244)],
+        "nape": [(262, 268), (295, 252.82), (324, 239.48), (318, 345), (288, 352), (278, 310, S)],
+        "throat": [(324, 239.48), (362, 222), (360, 262, S), (346, 300, S), (350, 338), (318, 345)],
+        "head": [
+            (288, 352), (318, 345), (350, 338), (380, 326, S), (404, 306), (424, 316, S), (424, 332), (396, 366, S),
+            (354, 396), (318, 402), (282, 398), (256, 404), (262, 384, S), (282, 374), 
+        ],
+        "antler_hind": [
+            (282, 398), (318, 402), (318, 428), (300, 446), (312, 474), (322, 500), (302, 486), (284, 458),
+            (270, 480, S), (268, 520), (252, 490, S), (262, 450), (236, 462), (248, 440, S), (272, 430),
+        ],
+        "antler_fore": [
+            (318, 402), (354, 396), (360, 430), (384, 440, S), (398, 462), (372, 452), (380, 490, S), (364, 520), (362, 480, S), (350, 456),
+            (344, 486), (330, 504), (334, 474), (334, 446), (318, 428),
+        ],
+        "tail": [(48, 244), (78, 260), (64, 278, S), (40, 286), (42, 268, S)],
+    }  # fmt: skip
+
+
+DRAWINGS = {
+    "m": letter_m,
+    "scarecrow": scarecrow,
+    "stack": stack,
+    "tree": tree,
+    "leaning_tower_10": lambda: leaning_tower(10.0, doorway=True),
+    "leaning_tower_20": lambda: leaning_tower(20.0, doorway=True),
+    "leaning_tower_30": lambda: leaning_tower(30.0, doorway=False),
+    "leaning_tower_support_free": lambda: leaning_tower(15.0, doorway=True),
+    "deer": deer,
+}
+
+
+def exact(drawing: Drawing) -> Drawing:
+    """Return the drawing on the first quadrant, rounded, with every corner that lies on a straight edge added to it."""
+    low_x, low_y = (min(p[k] for outline in drawing.values() for p in outline) for k in (0, 1))
+    moved = {
+        name: [(round(p[0] - low_x, DIGITS), round(p[1] - low_y, DIGITS), *p[2:]) for p in outline]
+        for name, outline in drawing.items()
+    }
+    corners = sorted({(p[0], p[1]) for outline in moved.values() for p in outline if len(p) == 2})
+    result: Drawing = {}
+    for name, outline in moved.items():
+        result[name] = []
+        for start, end in zip(outline, outline[1:] + outline[:1]):
+            result[name].append(start)
+            if len(start) == len(end) == 2:
+                result[name].extend(_corners_between(start, end, corners))
+    return result
+
+
+def _corners_between(start: tuple[float, ...], end: tuple[float, ...], corners: list[Point]) -> list[Point]:
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    length = math.hypot(dx, dy)
+    inside = []
+    for x, y in corners:
+        along = ((x - start[0]) * dx + (y - start[1]) * dy) / length
+        off = ((x - start[0]) * dy - (y - start[1]) * dx) / length
+        if abs(off) < 3 * 10**-DIGITS and 0.01 < along < length - 0.01:
+            inside.append((along, (x, y)))
+    return [point for _, point in sorted(inside)]
+
+
+def path_data(outline: Outline, height: float) -> str:
+    """Return the closed outline as SVG path data, y down; smooth points become cubic Béziers (Catmull–Rom)."""
+    first = next(k for k, p in enumerate(outline) if len(p) == 2)
+    ring = [*outline[first:], *outline[:first], outline[first]]
+
+    def text(x: float, y: float) -> str:
+        return f"{round(x + MARGIN_MM, DIGITS)} {round(height - MARGIN_MM - y, DIGITS)}".replace("-0 ", "0 ")
+
+    words = [f"M {text(*ring[0][:2])}"]
+    for k in range(1, len(ring)):
+        start, end = ring[k - 1], ring[k]
+        if len(start) == len(end) == 2:
+            if k < len(ring) - 1:
+                words.append(f"L {text(*end[:2])}")
+            continue
+        before = ring[k - 2] if len(start) == 3 else start
+        after = ring[k + 1] if len(end) == 3 else end
+        c1 = (start[0] + (end[0] - before[0]) / 6, start[1] + (end[1] - before[1]) / 6)
+        c2 = (end[0] - (after[0] - start[0]) / 6, end[1] - (after[1] - start[1]) / 6)
+        words.append(f"C {text(*c1)} {text(*c2)} {text(*end[:2])}")
+    return " ".join([*words, "Z"])
+
+
+def svg(title: str, drawing: Drawing, fixed: tuple[str, ...] = ()) -> str:
+    """Return the drawing as an SVG document in millimetres, one closed path per part."""
+    drawing = exact(drawing)
+    width, height = (max(p[k] for o in drawing.values() for p in o) + 2 * MARGIN_MM for k in (0, 1))
+    width, height = math.ceil(width), math.ceil(height)
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm" viewBox="0 0 {width} {height}">',
+        f"  <title>{title}</title>",
+        '  <g stroke="#333333" stroke-width="0.6" stroke-linejoin="round">',
+    ]
+    free = 0
+    for name, outline in drawing.items():
+        if name in FIXED_PARTS:
+            fill = FIXED
+        else:
+            fill, free = PALETTE[free % len(PALETTE)], free + 1
+        lines.append(f'    <path id="{name}" fill="{fill}" d="{path_data(outline, height)}"/>')
+    return "\n".join([*lines, "  </g>", "</svg>", ""])
+
+
+FIXED_PARTS = {
+    "foot_left", "foot_right", "body", "trunk", "ground", "footing", "footing_left", "footing_right",
+    "legs_hind", "legs_fore",
+}  # fmt: skip
+
+
+def main(folder: Path) -> None:
+    """Write every drawing to `folder`."""
+    for name, draw in DRAWINGS.items():
+        (folder / f"{name}.svg").write_text(svg(name.replace("_", " "), draw()), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
