@@ -1,0 +1,128 @@
+"""What collides with what: convex pieces of flat parts, and matching facets of any parts.
+
+Two models, both world-frame lists of simple shapes:
+
+`pieces` covers each flat part with few convex prisms and lets every prism meet every other part. It knows nothing
+of the contacts that statics found, so it is the independent judge, and it works while parts move far.
+
+`facets` puts, at points of each contact, a small sphere in the later part against a thin box in the earlier one,
+and lets only these pairs collide. It is what solids use (slabs that all collide make ghost contacts), and holds
+while parts move little.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mocca_robot.assembly import Array, Assembly, Polygon, read_only
+from mocca_robot.contacts import Contact
+from sim.contact_rays import Rays, reduced_rays
+from sim.convex_pieces import convex_pieces
+
+
+@dataclass(frozen=True, eq=False)
+class Geom:
+    """A shape fixed to a part.
+
+    Attributes:
+        part: index.
+        kind: 'convex' (hull of `points`), 'sphere' or 'box' (centred at points[0]).
+        points: (k, 3) world coordinates, metres.
+        size: radius of a sphere; half edges (3,) of a box.
+        rotation: (3, 3) columns are a box's axes.
+    """
+
+    part: int
+    kind: Literal["convex", "sphere", "box"]
+    points: Array
+    size: Array
+    rotation: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ContactModel:
+    """Shapes, and which of them may touch: index pairs, or None when every shape meets those of other parts."""
+
+    geoms: tuple[Geom, ...]
+    pairs: tuple[tuple[int, int], ...] | None
+
+    def only(self, present: Array) -> ContactModel:
+        """Return the model of the parts where `present` (N,) is true."""
+        keep = [k for k, g in enumerate(self.geoms) if present[g.part]]
+        new = {old: k for k, old in enumerate(keep)}
+        pairs = None
+        if self.pairs is not None:
+            pairs = tuple((new[a], new[b]) for a, b in self.pairs if a in new and b in new)
+        return ContactModel(tuple(self.geoms[k] for k in keep), pairs)
+
+
+def embed(points: Array) -> Array:
+    """Return points or vectors (…, 2 | 3) in MuJoCo's world (…, 3): flat parts stand in its x–z plane."""
+    if points.shape[-1] == 3:
+        return points
+    out = np.zeros((*points.shape[:-1], 3))
+    out[..., 0], out[..., 2] = points[..., 0], points[..., 1]
+    return out
+
+
+def pieces(assembly: Assembly) -> ContactModel:
+    """Return the flat parts as convex prisms that all collide. Raises InputError for shapes that are not simple."""
+    geoms = [
+        _prism(index, ring, part.shape.thickness)
+        for index, part in enumerate(assembly.parts)
+        if isinstance(part.shape, Polygon)
+        for ring in convex_pieces(part.shape)
+    ]
+    return ContactModel(tuple(geoms), None)
+
+
+def facets(assembly: Assembly, contacts: Sequence[Contact], resolution: int = 12) -> ContactModel:
+    """Return sphere–box pairs at the contact points that carry each pair's wrench cone.
+
+    `resolution` is the largest number of points per pair of parts; flat contacts use their corners only.
+    """
+    geoms: list[Geom] = []
+    pairs: list[tuple[int, int]] = []
+    for rays in reduced_rays(assembly, contacts, resolution):
+        radius = 0.02 * rays.reach
+        for point, normal in zip(embed(rays.points), embed(rays.normals)):
+            frame = _frame(normal)
+            half = np.array([0.1 * rays.reach, 0.1 * rays.reach, radius])
+            pairs.append((len(geoms), len(geoms) + 1))
+            geoms.append(_geom(rays.pair[0], "box", point - radius * normal, half, frame))
+            geoms.append(_geom(rays.pair[1], "sphere", point + radius * normal, np.array([radius, 0.0, 0.0])))
+    return ContactModel(tuple(geoms), tuple(pairs))
+
+
+def contact_model(assembly: Assembly, contacts: Sequence[Contact]) -> ContactModel:
+    """Return the model to judge stability with: convex pieces for flat parts, facet pairs for solids."""
+    return pieces(assembly) if assembly.dimension == 2 else facets(assembly, contacts)
+
+
+def _prism(part: int, ring: Array, thickness: float) -> Geom:
+    corners = np.concatenate([embed(ring), embed(ring)])
+    corners[: len(ring), 1], corners[len(ring) :, 1] = -0.5 * thickness, 0.5 * thickness
+    return _geom(part, "convex", corners, np.zeros(3))
+
+
+def _geom(
+    part: int, kind: Literal["convex", "sphere", "box"], points: Array, size: Array, rotation: Array | None = None
+) -> Geom:
+    frame = np.eye(3) if rotation is None else rotation
+    return Geom(part, kind, read_only(np.atleast_2d(points)), read_only(size), read_only(frame))
+
+
+def _frame(normal: Array) -> Array:
+    """Return a rotation (3, 3) whose last column is `normal`."""
+    seed = np.zeros(3)
+    seed[np.abs(normal).argmin()] = 1.0
+    x = np.cross(seed, normal)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(normal, x), normal], axis=1)
+
+
+__all__ = ["ContactModel", "Geom", "Rays", "contact_model", "embed", "facets", "pieces"]

@@ -1,0 +1,138 @@
+"""A scene set free: how far and how fast each part moves, and whether the run can be believed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from mocca_robot.assembly import Array, Assembly, Mesh, Polygon, read_only
+from sim.scene import Compiled
+
+ENERGY_GROWTH = 1e-3
+"""Energy a run may gain, as a share of what the free parts would lose by falling their own size. A sound run of
+contacts at rest gains about 1e-7; divergence gains orders of magnitude."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One run, sampled.
+
+    Attributes:
+        parts: (F,) indices of the free parts.
+        times: (T,) seconds.
+        poses: (T, F, 3 | 7) joint coordinates: x, y, turn; or position and quaternion (w first).
+        displacement: (T, F) bound on how far any point of the part has moved, metres.
+        speed: (T, F) bound on how fast any point of it moves, m/s.
+        steps: number of steps taken.
+        failure: why the run must not be believed; None when it may.
+    """
+
+    parts: Array
+    times: Array
+    poses: Array
+    displacement: Array
+    speed: Array
+    steps: int
+    failure: str | None
+
+
+Stop: TypeAlias = Callable[[float, Array, Array], bool]
+"""(time, displacement (F,), speed (F,)) → whether enough was seen."""
+
+
+def reach(assembly: Assembly) -> Array:
+    """Return (N,) the largest distance of a part's points from its centre of mass, metres."""
+    return np.array([np.linalg.norm(_points(p.shape) - p.centroid, axis=1).max() for p in assembly.parts])
+
+
+def run(compiled: Compiled, duration: float, stop: Stop | None = None, samples: int = 100) -> Motion:
+    """Return the motion from rest, ended by `stop`, by `duration` (s), or by a failure.
+
+    A run fails when MuJoCo warns, when Newton's method uses up its iterations, when energy grows, or when numbers
+    are not finite.
+    """
+    import mujoco
+
+    model, data = compiled.model, mujoco.MjData(compiled.model)
+    far = reach(compiled.scene.assembly)[compiled.parts]
+    allowed = ENERGY_GROWTH * _falling_energy(compiled, far)
+    planned = max(1, round(duration / model.opt.timestep))
+    every = max(1, planned // samples)
+    mujoco.mj_forward(model, data)
+    start, before = data.qpos.copy(), float(data.energy.sum())
+    times, poses, moved, speeds = [0.0], [data.qpos[compiled.qpos]], [np.zeros(len(far))], [np.zeros(len(far))]
+    failure: str | None = None
+    step = 0
+    for step in range(1, planned + 1):
+        mujoco.mj_step(model, data)
+        failure = step_failure(model, data) or (
+            "energy grew without cause" if data.energy.sum() > before + allowed else None
+        )
+        if step % every and failure is None:
+            continue
+        displacement, speed = _travel(compiled, data, start, far)
+        times.append(float(data.time))
+        poses.append(data.qpos[compiled.qpos])
+        moved.append(displacement)
+        speeds.append(speed)
+        if failure is not None or (stop is not None and stop(float(data.time), displacement, speed)):
+            break
+    return Motion(
+        compiled.parts,
+        read_only(times),
+        read_only(poses),
+        read_only(moved),
+        read_only(speeds),
+        step,
+        failure,
+    )
+
+
+def step_failure(model: Any, data: Any) -> str | None:
+    """Return why the last step must not be believed, or None."""
+    islands = max(1, min(int(data.nisland), len(data.solver_niter)))
+    if data.solver_niter[:islands].max() >= model.opt.iterations:
+        return f"the solver used all {model.opt.iterations} iterations"
+    if data.warning.number.any():
+        return f"MuJoCo warned: {warnings_of(data)}"
+    if not np.isfinite(data.qacc).all():
+        return "accelerations are not finite"
+    return None
+
+
+def warnings_of(data: Any) -> str:
+    """Return the names of MuJoCo's warnings, with how often each came."""
+    import mujoco
+
+    counts = [(mujoco.mjtWarning(k).name.removeprefix("mjWARN_").lower(), int(w)) for k, w in _warned(data)]
+    return ", ".join(f"{name} ({count}×)" for name, count in counts)
+
+
+def _warned(data: Any) -> list[tuple[int, int]]:
+    return [(k, int(n)) for k, n in enumerate(data.warning.number) if n]
+
+
+def _travel(compiled: Compiled, data: Any, start: Array, far: Array) -> tuple[Array, Array]:
+    now, velocity = data.qpos[compiled.qpos], data.qvel[compiled.dof]
+    if compiled.qpos.shape[1] == 3:
+        shift = now - start[compiled.qpos]
+        return (
+            np.hypot(shift[:, 0], shift[:, 1]) + far * np.abs(shift[:, 2]),
+            np.hypot(velocity[:, 0], velocity[:, 1]) + far * np.abs(velocity[:, 2]),
+        )
+    shift = np.linalg.norm(now[:, :3] - start[compiled.qpos][:, :3], axis=1)
+    angle = 2.0 * np.arctan2(np.linalg.norm(now[:, 4:], axis=1), np.abs(now[:, 3]))
+    speed = np.linalg.norm(velocity[:, :3], axis=1) + far * np.linalg.norm(velocity[:, 3:], axis=1)
+    return shift + far * angle, speed
+
+
+def _falling_energy(compiled: Compiled, far: Array) -> float:
+    mass = np.array([compiled.scene.assembly.parts[p].mass for p in compiled.parts])
+    return float((mass * far).sum() * np.linalg.norm(compiled.scene.gravity))
+
+
+def _points(shape: Polygon | Mesh) -> Array:
+    return shape.exterior if isinstance(shape, Polygon) else shape.vertices

@@ -1,0 +1,139 @@
+"""Does an assembly, or a state of it, stand in physics?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from mocca_robot.assembly import Array, Assembly, BoolArray
+from sim.contact_model import ContactModel
+from sim.motion import Motion, reach, run
+from sim.scene import Compiled, Scene, compile_scene
+from sim.settings import settings_for
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a part counts as moved, and a run as settled; lengths relative to the part's size.
+
+    Attributes:
+        moved: displacement from which a part has moved. A structure 0.3° on the safe side of its critical tilt
+            moves by 1e-5 of its size, one 0.3° beyond it by more than 1.
+        fallen: displacement at which a run ends early: no part comes back from there.
+        speed: sizes per second below which a part rests. 0.05° beyond the critical tilt a part of 5 cm slides
+            with 0.07 sizes per second after 0.4 s.
+        first_look_s, longest_s: a run ends between the two, as soon as it rests.
+    """
+
+    moved: float = 0.01
+    fallen: float = 0.05
+    speed: float = 2e-3
+    first_look_s: float = 0.4
+    longest_s: float = 4.0
+
+
+class Verdict(StrEnum):
+    """What a run says."""
+
+    STANDS = "stands"
+    FELL = "fell"
+    FAILED = "failed"
+    """The run cannot be believed, or did not come to rest in time: no verdict."""
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityReport:
+    """One run's verdict with its evidence.
+
+    Attributes:
+        verdict: stands, fell or failed.
+        reason: for people; names what failed or which part moved farthest.
+        moved: names of parts that moved by more than the limit, in assembly order.
+        max_displacement: farthest displacement bound of any part, metres.
+        max_share: the same relative to the part's size: the margin to `Limits.moved`.
+        final_speed: fastest part at the end, m/s.
+        duration: simulated seconds.
+        steps: of the simulation.
+        motion: the sampled run.
+    """
+
+    verdict: Verdict
+    reason: str
+    moved: tuple[str, ...]
+    max_displacement: float
+    max_share: float
+    final_speed: float
+    duration: float
+    steps: int
+    motion: Motion
+
+    @property
+    def stands(self) -> bool:
+        """Return whether the verdict is that it stands."""
+        return self.verdict is Verdict.STANDS
+
+
+def free_scene(
+    assembly: Assembly,
+    model: ContactModel,
+    *,
+    present: BoolArray | None = None,
+    held: BoolArray | None = None,
+    gravity: Array | None = None,
+    friction: float = 0.0,
+) -> Scene:
+    """Return the scene in which every part that is there and not held is left alone."""
+    there = np.ones(len(assembly.parts), dtype=np.bool_) if present is None else present
+    fixed = assembly.fixed if held is None else held
+    settings = settings_for(assembly, friction, int((there & ~fixed).sum()))
+    return Scene(assembly, model, there, fixed, assembly.gravity if gravity is None else gravity, settings)
+
+
+def stability(scene: Scene, limits: Limits = Limits()) -> StabilityReport:
+    """Return whether `scene` stands, by letting it go."""
+    return judged(compile_scene(scene), limits)
+
+
+def judged(compiled: Compiled, limits: Limits = Limits()) -> StabilityReport:
+    """Return the verdict on a compiled scene; the model can be used again."""
+    assembly = compiled.scene.assembly
+    size = 2.0 * reach(assembly)[compiled.parts]
+
+    def enough(time: float, displacement: Array, speed: Array) -> bool:
+        if (displacement > limits.fallen * size).any():
+            return True
+        return time >= limits.first_look_s and bool((speed <= limits.speed * size).all())
+
+    motion = run(compiled, limits.longest_s, enough, samples=round(limits.longest_s / 0.02))
+    return report(assembly, motion, limits)
+
+
+def report(assembly: Assembly, motion: Motion, limits: Limits = Limits()) -> StabilityReport:
+    """Return the verdict on a run that is over."""
+    size = 2.0 * reach(assembly)[motion.parts]
+    share = motion.displacement[-1] / size
+    moved = tuple(assembly.parts[p].name for p, s in zip(motion.parts, share) if s > limits.moved)
+    resting = bool((motion.speed[-1] <= limits.speed * size).all())
+    if motion.failure is not None:
+        verdict, reason = Verdict.FAILED, f"after {motion.times[-1]:.3f} s {motion.failure}"
+    elif moved:
+        farthest = int(share.argmax())
+        name = assembly.parts[motion.parts[farthest]].name
+        verdict, reason = Verdict.FELL, f"'{name}' moved by {motion.displacement[-1][farthest] * 1e3:.3g} mm"
+    elif not resting:
+        verdict, reason = Verdict.FAILED, f"still moving after {motion.times[-1]:.1f} s, but not yet far"
+    else:
+        verdict, reason = Verdict.STANDS, f"at rest after {motion.times[-1]:.2f} s"
+    return StabilityReport(
+        verdict,
+        reason,
+        moved,
+        float(motion.displacement[-1].max(initial=0.0)),
+        float(share.max(initial=0.0)),
+        float(motion.speed[-1].max(initial=0.0)),
+        float(motion.times[-1]),
+        motion.steps,
+        motion,
+    )

@@ -1,0 +1,115 @@
+"""The tilt table: by how much can the ground tilt towards an azimuth before something moves?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mocca_robot.assembly import Array, Assembly
+from mocca_robot.contacts import Contact
+from mocca_robot.errors import InputError
+from mocca_robot.loads import tilt_azimuths, tilted_gravity
+from mocca_robot.verify import critical_tilt
+from sim.contact_model import ContactModel
+from sim.scene import Compiled, compile_scene, with_gravity
+from sim.stability import Limits, Verdict, free_scene, judged
+
+RESOLUTION = np.deg2rad(0.1)
+"""Width at which the bisection ends."""
+
+
+@dataclass(frozen=True)
+class TiltReport:
+    """The critical tilt towards one azimuth.
+
+    Attributes:
+        azimuth_rad: direction towards which the ground drops, from +x.
+        critical_rad: halfway between the largest tilt that stood and the smallest that fell; 0 when it falls
+            upright, π/2 when nothing up to there moves it.
+        statics_rad: the same from static equilibrium.
+        friction: Coulomb coefficient.
+        moved: parts that moved in the smallest tilt that fell.
+        failed: tilts (radians) whose runs gave no verdict; they count as not standing.
+    """
+
+    azimuth_rad: float
+    critical_rad: float
+    statics_rad: float
+    friction: float
+    moved: tuple[str, ...]
+    failed: tuple[float, ...]
+
+    @property
+    def difference_rad(self) -> float:
+        """Return physics minus statics."""
+        return self.critical_rad - self.statics_rad
+
+
+def azimuths(assembly: Assembly, count: int) -> Array:
+    """Return `count` azimuths in radians; flat assemblies know right and left only.
+
+    Raises InputError for a count below 1.
+    """
+    if count < 1:
+        raise InputError(f"{count} azimuths were asked for; the tilt table needs at least 1 (2 in flat assemblies).")
+    return tilt_azimuths(assembly.dimension, count)
+
+
+def tilt_scene(assembly: Assembly, model: ContactModel, friction: float = 0.0) -> Compiled:
+    """Return the finished assembly, compiled once for all tilts."""
+    return compile_scene(free_scene(assembly, model, friction=friction))
+
+
+def physical_tilt(
+    compiled: Compiled,
+    contacts: Sequence[Contact],
+    azimuth_rad: float,
+    *,
+    limits: Limits = Limits(),
+    resolution_rad: float = float(RESOLUTION),
+) -> TiltReport:
+    """Return the critical tilt of a compiled scene, each tilt from a fresh start under fixed rotated gravity.
+
+    Statics gives the first guess; every bracket is then confirmed by runs of its own, so a wrong guess costs
+    time, not truth. (A ramp or a hinged platform overshoots by 0.4° to 2°: inertia holds parts back.)
+    """
+    scene = compiled.scene
+    friction = scene.settings.friction
+    guess = critical_tilt(scene.assembly, contacts, azimuth_rad, friction)
+    failed: list[float] = []
+    moved: tuple[str, ...] = ()
+    low, high = -resolution_rad, np.pi / 2
+
+    def stands(angle: float) -> bool:
+        nonlocal moved
+        gravity = tilted_gravity(scene.assembly.gravity, angle, azimuth_rad)
+        found = judged(with_gravity(compiled, gravity), limits)
+        if found.verdict is Verdict.FAILED:
+            failed.append(angle)
+        if not found.stands:
+            moved = found.moved or moved
+        return found.stands
+
+    for angle in _probes(guess, resolution_rad):
+        if not low < angle < high:
+            continue
+        low, high = (angle, high) if stands(angle) else (low, angle)
+    if low < 0.0 and high > 0.0:
+        low, high = (0.0, high) if stands(0.0) else (0.0, 0.0)
+    while high - low > resolution_rad:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stands(middle) else (low, middle)
+    if low == 0.0 and high <= resolution_rad and not stands(0.0):
+        low = high = 0.0
+    critical = np.pi / 2 if high >= np.pi / 2 else 0.5 * (low + high)
+    return TiltReport(azimuth_rad, float(critical), guess, friction, moved, tuple(failed))
+
+
+def _probes(guess: float, width: float) -> list[float]:
+    """Return tilts that bracket `guess` ever more widely."""
+    out = []
+    for spread in (1.0, 4.0, 16.0):
+        out += [guess - spread * width, guess + spread * width]
+    return [a for a in out if 0.0 < a < np.pi / 2]
