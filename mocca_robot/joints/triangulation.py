@@ -176,22 +176,21 @@ def split_facets(facets: IntArray, on_edges: Mapping[tuple[int, int], Sequence[i
     `on_edges` maps (low, high) vertex pairs to the vertices between them, ordered from low to high. Triangles
     that collapse (a vertex twice) are dropped: the chain of what remains is that of the split boundary.
     """
-    if not on_edges:
-        return facets, np.arange(len(facets))
-    result, origin = [], []
+    result: list[tuple[int, int, int]] = []
+    origin: list[int] = []
     for number, facet in enumerate(cast("list[tuple[int, int, int]]", facets.tolist())):
         pieces = [facet]
         for k in range(3):
             a, b = facet[k], facet[(k + 1) % 3]
-            between = on_edges.get((min(a, b), max(a, b)))
+            between = on_edges.get((a, b) if a < b else (b, a))
             if not between:
                 continue
+            at, turn = next((n, t) for n, p in enumerate(pieces) for t in range(3) if p[t] == a and p[t - 2] == b)
+            apex = pieces[at][turn - 1]
             run = [a, *(between if a < b else reversed(between)), b]
-            at = next(n for n, piece in enumerate(pieces) if (a, b) in zip(piece, (*piece[1:], piece[0])))
-            apex = next(v for v in pieces[at] if v not in (a, b))
             pieces[at : at + 1] = [(p, q, apex) for p, q in pairwise(run)]
-        for piece in pieces:
-            if len(set(piece)) == 3:
-                result.append(piece)
+        for a, b, c in pieces:
+            if a != b and b != c and c != a:
+                result.append((a, b, c))
                 origin.append(number)
     return np.array(result, dtype=np.int64).reshape(-1, 3), np.array(origin, dtype=np.int64)
