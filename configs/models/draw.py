@@ -40,49 +40,49 @@ def letter_m() -> Drawing:
     """Ten parts in one chain: two legs of four blocks, and two arms that slide down their slanted shoulders."""
     left: Drawing = {
         "foot_left": [
-            (-16, 0), (140, 0), (140, 26), (128, 34, S), (124, 54, S), (124, 84), (0, 84), (0, 54, S), (-4, 34, S),
+            (-16, 0), (146, 0), (146, 26), (134, 34, S), (130, 54, S), (130, 84), (0, 84), (0, 54, S), (-4, 34, S),
             (-16, 26),
         ],
-        "shin_left": [(0, 84), (124, 84), (124, 164), (0, 164)],
-        "thigh_left": [(0, 164), (124, 164), (124, 236), (0, 236)],
-        "shoulder_left": [(0, 236), (124, 236), (124, 258), (0, 324)],
-        "arm_left": [(0, 324), (124, 258), (205, 168), (205, 228), (108, 396), (0, 396)],
+        "shin_left": [(0, 84), (130, 84), (130, 164), (0, 164)],
+        "thigh_left": [(0, 164), (130, 164), (130, 236), (0, 236)],
+        "shoulder_left": [(0, 236), (130, 236), (130, 258), (0, 324)],
+        "arm_left": [(0, 324), (130, 258), (208, 172), (208, 230), (110, 400), (0, 400)],
     }  # fmt: skip
-    right = {name.replace("left", "right"): mirrored(outline, 205) for name, outline in left.items()}
+    right = {name.replace("left", "right"): mirrored(outline, 208) for name, outline in left.items()}
     return left | right
 
 
 def scarecrow() -> Drawing:
     """A body on a pole; the head is a wedge between two arms that balance on sloping shoulders."""
     arm: Outline = [
-        (22, 250), (82, 234), (120, 226, S), (178, 222), (182, 212), (204, 226), (232, 214), (226, 234), (246, 242),
-        (226, 252), (232, 270), (204, 262), (184, 276), (180, 264), (130, 280, S), (104, 292, S), (78, 290),
+        (22, 250), (94, 232), (128, 225, S), (170, 220), (168, 208), (188, 220), (212, 206), (208, 226), (230, 238),
+        (208, 248), (214, 268), (190, 260), (170, 276), (172, 264), (132, 276, S), (108, 290, S), (86, 294),
+    ]
+    right_side: Outline = [
+        (0, -30), (13, -4), (13, 84), (34, 66), (52, 84), (72, 62), (104, 80), (92, 130, S), (88, 190, S), (94, 232),
+        (22, 250),
+    ]
+    face: Outline = [
+        (22, 250), (86, 294), (74, 306, S), (46, 304), (66, 330, S), (68, 356, S), (60, 378), (122, 370, S), (126, 382, S),
+        (62, 396), (58, 430, S), (34, 480), (16, 470, S),
     ]
     return {
-        "body": [
-            (0, 0), (14, 26), (14, 84), (34, 70), (50, 86), (68, 68), (96, 84), (84, 150, S), (80, 200, S), (82, 234),
-            (22, 250), (-22, 250), (-82, 234), (-80, 200, S), (-84, 150, S), (-96, 84), (-68, 68), (-50, 86), (-34, 70),
-            (-14, 84), (-14, 26),
-        ],
+        "body": right_side + mirrored(right_side)[:-1],
         "arm_left": mirrored(arm),
         "arm_right": arm,
-        "head": [
-            (-22, 250), (22, 250), (78, 290), (72, 312, S), (66, 340, S), (62, 372), (112, 366), (116, 382), (58, 392),
-            (50, 430, S), (22, 482), (2, 470, S), (-22, 474), (-50, 430, S), (-58, 392), (-116, 382), (-112, 366),
-            (-62, 372), (-66, 340, S), (-72, 312, S), (-78, 290),
-        ],
+        "head": [*face, (-2, 478), *mirrored(face)],
     }  # fmt: skip
 
 
 def tree() -> Drawing:
     """A fir: three tiers, each split down the middle, on a trunk whose top sheds them to either side."""
     right: Drawing = {
-        "low_right": [(0, 122), (54, 112), (100, 98, S), (160, 84), (100, 142, S), (52, 222), (0, 232)],
-        "middle_right": [(0, 232), (52, 222), (86, 210, S), (128, 196), (82, 246, S), (42, 320), (0, 328)],
-        "top_right": [(0, 328), (42, 320), (64, 312, S), (98, 298), (50, 360, S), (0, 450)],
+        "low_right": [(0, 124), (62, 114), (104, 100, S), (156, 82), (100, 140, S), (58, 222), (0, 232)],
+        "middle_right": [(0, 232), (58, 222), (88, 210, S), (126, 194), (82, 246, S), (46, 318), (0, 326)],
+        "top_right": [(0, 326), (46, 318), (66, 308, S), (96, 292), (50, 356, S), (0, 452)],
     }
     trunk: Outline = [
-        (-54, 112), (-56, 60, S), (-70, 24, S), (-104, 0), (104, 0), (70, 24, S), (56, 60, S), (54, 112), (0, 122),
+        (-62, 114), (-62, 60, S), (-76, 24, S), (-112, 0), (112, 0), (76, 24, S), (62, 60, S), (62, 114), (0, 124),
     ]  # fmt: skip
     left = {name.replace("right", "left"): mirrored(outline) for name, outline in right.items()}
     return {"trunk": trunk} | left | right
@@ -132,8 +132,8 @@ def leaning_tower(lean_deg: float, doorway: bool) -> Drawing:
 
     With a doorway the footing is two stones, which the middle stone of the lowest course bridges.
     """
-    width, course, bulge, overhang = 168.0, 62.0, 4.0, 12.0
-    cut = math.tan(math.radians(0.5 * lean_deg))
+    width, course, bulge, overhang = 176.0, 62.0, 4.0, 12.0
+    cut = math.tan(math.radians(0.6 * lean_deg))
     footing = 84.0
 
     def bed(k: int, x: float) -> Point:
@@ -145,8 +145,8 @@ def leaning_tower(lean_deg: float, doorway: bool) -> Drawing:
         left = [(-bulge, 0.5 * (low_left[1] + high_left[1]), S)] if x0 == 0.0 else []
         return [low_left, low_right, *right, high_right, high_left, *left]
 
-    third, sixth, middle = width / 3, width / 6, width / 2
-    seams = [[0, third, 2 * third, width], [0, sixth, middle, 5 * sixth, width], [0, third, 2 * third, width]]
+    third, fifth, middle = width / 3, width / 5, width / 2
+    seams = [[0, third, 2 * third, width], [0, fifth, middle, width - fifth, width], [0, third, 2 * third, width]]
     parts: Drawing = {}
     for k, row in enumerate(seams):
         for n, (x0, x1) in reversed(list(enumerate(zip(row, row[1:])))):
@@ -178,21 +178,31 @@ def _footing(lean_deg: float, doorway: bool, width: float, left: Point, right: P
     x0, x1, y0 = foot_left[0] - 46, foot_right[0] + 46, ground - 24
     left_side: Outline = [top_left, foot_left, (x0, ground), (x0, y0)]
     right_side: Outline = [(x1, y0), (x1, ground), foot_right, top_right]
-    if not doorway:
-        return {"footing": [*left_side, *right_side]}
-    middle, jamb, slit = width / 2, 22.0, 5.0
-    crown = 0.5 * (left[1] + right[1])
-    tilt = (right[1] - left[1]) / width
+    middle, jamb, slit = width / 2, 20.0, 3.0
+    crown, tilt = 0.5 * (left[1] + right[1]), (right[1] - left[1]) / width
 
     def door(side: float) -> Outline:
-        head = (middle + side * slit, crown + tilt * side * slit)
-        arch = [(middle + side * slit, crown - 16), (middle + side * 17, crown - 34, S), (middle + side * jamb, crown - 56)]
-        return turned([head, *arch, at_ground(middle + side * jamb)], lean_deg)
+        """One side of the way in, from the crown of its arch down to the sill."""
+        spring = at_ground(middle)[1] + 34
+        arch = [(middle + side * 9, spring + 21, S), (middle + side * 17, spring + 12, S), (middle + side * jamb, spring)]
+        return turned([*arch, at_ground(middle + side * jamb)], lean_deg)
 
-    inner_left, inner_right = door(-1.0), door(1.0)
+    apex = (middle, at_ground(middle)[1] + 60)
+    door_left, door_right = door(-1.0), door(1.0)
+    if not doorway:
+        (tip,) = turned([apex], lean_deg)
+        arch = [(door_left[-1][0], y0), *reversed(door_left), tip, *door_right, (door_right[-1][0], y0)]
+        return {"footing": [*left_side, *arch, *right_side]}
+    sill = 0.5 * (door_left[-1][0] + door_right[-1][0])
+
+    def jaw(side: float, jambs: Outline) -> Outline:
+        x = middle + side * slit
+        gap = turned([(x, crown + tilt * side * slit), (x, apex[1] - 3)], lean_deg)
+        return [*gap, *jambs, (sill + side * slit, ground), (sill + side * slit, y0)]
+
     return {
-        "footing_left": [*left_side, (inner_left[-1][0], y0), *reversed(inner_left)],
-        "footing_right": [*right_side, *inner_right, (inner_right[-1][0], y0)],
+        "footing_left": [*left_side, *reversed(jaw(-1.0, door_left))],
+        "footing_right": [*right_side, *jaw(1.0, door_right)],
     }
 
 
@@ -220,16 +230,16 @@ def deer() -> Drawing:
         "nape": [(262, 268), (295, 252.82), (324, 239.48), (318, 345), (288, 352), (278, 310, S)],
         "throat": [(324, 239.48), (362, 222), (360, 262, S), (346, 300, S), (350, 338), (318, 345)],
         "head": [
-            (288, 352), (318, 345), (350, 338), (380, 326, S), (404, 306), (424, 316, S), (424, 332), (396, 366, S),
-            (354, 396), (318, 402), (282, 398), (256, 404), (262, 384, S), (282, 374), 
+            (288, 352), (318, 345), (350, 338), (376, 326, S), (396, 310), (410, 312, S), (414, 326), (388, 362, S),
+            (356, 392), (318, 402), (280, 402), (252, 418, S), (228, 416), (244, 394, S), (278, 380), (286, 366, S),
         ],
         "antler_hind": [
-            (282, 398), (318, 402), (318, 428), (300, 446), (312, 474), (322, 500), (302, 486), (284, 458),
-            (270, 480, S), (268, 520), (252, 490, S), (262, 450), (236, 462), (248, 440, S), (272, 430),
+            (280, 402), (318, 402), (318, 428), (306, 450), (326, 470, S), (330, 500), (312, 482, S), (296, 464),
+            (290, 490, S), (298, 530), (274, 500, S), (274, 458), (258, 462, S), (246, 484), (244, 454, S), (268, 432),
         ],
         "antler_fore": [
-            (318, 402), (354, 396), (360, 430), (384, 440, S), (398, 462), (372, 452), (380, 490, S), (364, 520), (362, 480, S), (350, 456),
-            (344, 486), (330, 504), (334, 474), (334, 446), (318, 428),
+            (318, 402), (356, 392), (364, 424), (386, 442, S), (392, 476), (376, 456, S), (362, 452), (368, 490, S),
+            (352, 530), (352, 486, S), (344, 456), (340, 466), (334, 450), (318, 428),
         ],
         "tail": [(48, 244), (78, 260), (64, 278, S), (40, 286), (42, 268, S)],
     }  # fmt: skip
@@ -243,7 +253,7 @@ DRAWINGS = {
     "leaning_tower_10": lambda: leaning_tower(10.0, doorway=True),
     "leaning_tower_20": lambda: leaning_tower(20.0, doorway=True),
     "leaning_tower_30": lambda: leaning_tower(30.0, doorway=False),
-    "leaning_tower_support_free": lambda: leaning_tower(15.0, doorway=True),
+    "leaning_tower_support_free": lambda: leaning_tower(12.0, doorway=True),
     "deer": deer,
 }
 
