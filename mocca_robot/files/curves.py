@@ -1,0 +1,80 @@
+"""Curves of a drawing → straight pieces, the same ones for every part that shares a curve.
+
+A curve that two parts share is usually stored twice, once in each direction and with the last digits rounded
+differently. Flattening each by itself would leave slivers between them; so curves are matched first, and all
+that agree take the inner points of the first of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from mocca_robot.assembly import Array
+
+CHORD_TOLERANCE = 2e-4
+"""Largest distance between a curve and its chords, as a share of the drawing's size: 0.2 mm on a metre."""
+
+STRAIGHT = 1e-7
+"""Curves that bulge less than this share of the drawing are straight lines (editors write lines as curves)."""
+
+SAME = 1e-5
+"""Curves whose control points differ by less than this share of the drawing are one shared curve."""
+
+MAX_PIECES = 256
+"""Straight pieces of one curve; only reached by control points far outside the drawing."""
+
+
+def flattened(curves: Array, size: float) -> list[Array]:
+    """Return one (n, 2) polyline per cubic Bézier curve (N, 4, 2), both end points included, exactly its own.
+
+    Invariant under reversal: a curve and its reverse give the same points in opposite order.
+    """
+    if len(curves) == 0:
+        return []
+    forward = curves.reshape(len(curves), 8)
+    backward = curves[:, ::-1].reshape(len(curves), 8)
+    tree = KDTree(forward)
+    same = tree.query_ball_point(forward, SAME * size)
+    reverse = tree.query_ball_point(backward, SAME * size)
+    polylines: list[Array] = []
+    for k, curve in enumerate(curves):
+        first, first_reverse = min(list(same[k])), min(list(reverse[k]), default=len(curves))
+        if first == k and first_reverse >= k:
+            inner = _inner_points(curve, size)
+        else:
+            turned = first_reverse < first
+            inner = polylines[min(first, first_reverse)][1:-1]
+            inner = inner[::-1] if turned else inner
+        polylines.append(np.concatenate([curve[:1], inner, curve[3:]]))
+    return polylines
+
+
+def _inner_points(curve: Array, size: float) -> Array:
+    """Return the points between the ends, (n − 1, 2), evenly spaced in the curve's parameter."""
+    chord = curve[3] - curve[0]
+    length = float(np.linalg.norm(chord))
+    legs = curve[1:3] - curve[0]
+    if length > 0:
+        along, off = legs @ chord / length, np.abs(legs[:, 0] * chord[1] - legs[:, 1] * chord[0]) / length
+        slack = STRAIGHT * size
+        if off.max() <= slack and along.min() >= -slack and along.max() <= length + slack:
+            return np.zeros((0, 2))
+    bend = np.linalg.norm(curve[2:] - 2 * curve[1:3] + curve[:2], axis=1).max()
+    # Chord error of n even steps of a cubic: at most (3·2/8) · max second difference / n².
+    pieces = int(np.clip(np.ceil(np.sqrt(0.75 * bend / (CHORD_TOLERANCE * size))), 1, MAX_PIECES))
+    t = (np.arange(1, pieces) / pieces)[:, None]
+    s = 1.0 - t
+    return np.asarray(s**3 * curve[0] + 3 * s**2 * t * curve[1] + 3 * s * t**2 * curve[2] + t**3 * curve[3])
+
+
+def elevated(points: Sequence[tuple[float, float]]) -> Array:
+    """Return the cubic (4, 2) of a line (2 points), quadratic (3) or cubic (4) Bézier curve."""
+    p = np.asarray(points, dtype=np.float64)
+    if len(p) == 2:
+        return np.array([p[0], p[0] + (p[1] - p[0]) / 3, p[1] - (p[1] - p[0]) / 3, p[1]])
+    if len(p) == 3:
+        return np.array([p[0], p[0] + 2 * (p[1] - p[0]) / 3, p[2] + 2 * (p[1] - p[2]) / 3, p[2]])
+    return p
