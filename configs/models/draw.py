@@ -132,7 +132,7 @@ def leaning_tower(lean_deg: float, doorway: bool) -> Drawing:
 
     With a doorway the footing is two stones, which the middle stone of the lowest course bridges.
     """
-    width, course, bulge, overhang = 176.0, 62.0, 4.0, 12.0
+    width, course, bulge, overhang = 176.0, 56.0, 4.0, 10.0
     cut = math.tan(math.radians(0.6 * lean_deg))
     footing = 84.0
 
@@ -145,21 +145,26 @@ def leaning_tower(lean_deg: float, doorway: bool) -> Drawing:
         left = [(-bulge, 0.5 * (low_left[1] + high_left[1]), S)] if x0 == 0.0 else []
         return [low_left, low_right, *right, high_right, high_left, *left]
 
-    third, fifth, middle = width / 3, width / 5, width / 2
-    seams = [[0, third, 2 * third, width], [0, fifth, middle, width - fifth, width], [0, third, 2 * third, width]]
+    # Stones on the leaning side are longer: a narrow one would tip out with all that stands on it.
+    thirds, quarters, parapet = (0.0, 0.33, 0.63, 1.0), (0.0, 0.2, 0.48, 0.78, 1.0), 0.48
     parts: Drawing = {}
-    for k, row in enumerate(seams):
+    for k, row in enumerate((thirds, quarters, thirds)):
         for n, (x0, x1) in reversed(list(enumerate(zip(row, row[1:])))):
-            parts[f"course_{k + 1}_{n + 1}"] = block(k, x0, x1)
-    merlon, gap = (width + 2 * overhang) * 0.15, (width + 2 * overhang) * 0.4 / 3
-    low, high, tip = bed(3, 0)[1], bed(4, 0)[1], bed(4, 0)[1] + 26.0
-    edge = width + overhang
-    parts["parapet_right"] = [
-        (middle, low), (width, low), (width, low + 22), (edge, low + 36), (edge, tip), (edge - merlon, tip),
-        (edge - merlon, high), (edge - merlon - gap, high), (edge - merlon - gap, tip),
-        (middle + gap / 2, tip), (middle + gap / 2, high), (middle, high),
-    ]  # fmt: skip
-    parts["parapet_left"] = mirrored(parts["parapet_right"], middle)
+            parts[f"course_{k + 1}_{n + 1}"] = block(k, x0 * width, x1 * width)
+
+    edge, low, high = width + overhang, bed(3, 0)[1], bed(4, 0)[1]
+    merlon, gap, tip = 0.15 * (width + 2 * overhang), 0.4 / 3 * (width + 2 * overhang), high + 26.0
+
+    def battlement(seam: float) -> Outline:
+        """The right one of two stones that meet at x = seam, in the middle one of three gaps."""
+        return [
+            (seam, low), (width, low), (width, low + 20), (edge, low + 32), (edge, tip), (edge - merlon, tip),
+            (edge - merlon, high), (edge - merlon - gap, high), (edge - merlon - gap, tip),
+            (edge - 2 * merlon - gap, tip), (edge - 2 * merlon - gap, high), (seam, high),
+        ]  # fmt: skip
+
+    parts["parapet_right"] = battlement(parapet * width)
+    parts["parapet_left"] = mirrored(battlement((1.0 - parapet) * width), width / 2)
     return _footing(lean_deg, doorway, width, bed(0, 0), bed(0, width)) | {
         name: turned(outline, lean_deg) for name, outline in parts.items()
     }
@@ -178,8 +183,8 @@ def _footing(lean_deg: float, doorway: bool, width: float, left: Point, right: P
     x0, x1, y0 = foot_left[0] - 46, foot_right[0] + 46, ground - 24
     left_side: Outline = [top_left, foot_left, (x0, ground), (x0, y0)]
     right_side: Outline = [(x1, y0), (x1, ground), foot_right, top_right]
-    middle, jamb, slit = width / 2, 20.0, 3.0
-    crown, tilt = 0.5 * (left[1] + right[1]), (right[1] - left[1]) / width
+    middle, jamb, slit = 0.48 * width, 20.0, 3.0
+    tilt = (right[1] - left[1]) / width
 
     def door(side: float) -> Outline:
         """One side of the way in, from the crown of its arch down to the sill."""
@@ -197,7 +202,7 @@ def _footing(lean_deg: float, doorway: bool, width: float, left: Point, right: P
 
     def jaw(side: float, jambs: Outline) -> Outline:
         x = middle + side * slit
-        gap = turned([(x, crown + tilt * side * slit), (x, apex[1] - 3)], lean_deg)
+        gap = turned([(x, left[1] + tilt * x), (x, apex[1] - 3)], lean_deg)
         return [*gap, *jambs, (sill + side * slit, ground), (sill + side * slit, y0)]
 
     return {
@@ -215,33 +220,33 @@ def deer() -> Drawing:
             (80, 72, S), (62, 112, S),
         ],
         "legs_fore": [
-            (228, 146), (256, 148), (328, 158), (322, 112, S), (312, 70, S), (314, 22, S), (320, 0), (292, 0),
+            (228, 146), (256, 148), (336, 158), (326, 112, S), (312, 70, S), (314, 22, S), (320, 0), (292, 0),
             (292, 40, S), (288, 80, S), (276, 104, S), (266, 80, S), (262, 30, S), (266, 0), (238, 0), (240, 30, S),
             (240, 80, S), (236, 112, S),
         ],
         "rump": [(66, 158), (128, 148), (94, 206), (46, 212), (46, 184, S)],
-        "chest": [(256, 148), (328, 158), (352, 182, S), (362, 222), (324, 239.48), (295, 252.82), (290, 206)],
+        "chest": [(256, 148), (336, 158), (354, 186, S), (362, 222), (324, 239.48), (295, 252.82), (290, 206)],
         "belly": [
             (128, 148), (160, 146), (194, 154, S), (228, 146), (256, 148), (290, 206), (94, 206),
         ],
         "withers": [(238, 206), (290, 206), (295, 252.82), (262, 268), (250, 264, S), (238, 262)],
         "back": [(158, 206), (238, 206), (238, 262), (196, 256, S), (158, 260)],
-        "croup": [(46, 212), (94, 206), (158, 206), (158, 260), (110, 264, S), (78, 260), (48, 244)],
+        "croup": [(46, 212), (94, 206), (158, 206), (158, 260), (120, 263, S), (80, 260), (48, 244)],
         "nape": [(262, 268), (295, 252.82), (324, 239.48), (318, 345), (288, 352), (278, 310, S)],
         "throat": [(324, 239.48), (362, 222), (360, 262, S), (346, 300, S), (350, 338), (318, 345)],
         "head": [
             (288, 352), (318, 345), (350, 338), (376, 326, S), (396, 310), (410, 312, S), (414, 326), (388, 362, S),
-            (356, 392), (318, 402), (280, 402), (252, 418, S), (228, 416), (244, 394, S), (278, 380), (286, 366, S),
+            (358, 392), (318, 402), (278, 402), (252, 416, S), (228, 414), (244, 392, S), (276, 380), (286, 366, S),
         ],
         "antler_hind": [
-            (280, 402), (318, 402), (318, 428), (306, 450), (326, 470, S), (330, 500), (312, 482, S), (296, 464),
-            (290, 490, S), (298, 530), (274, 500, S), (274, 458), (258, 462, S), (246, 484), (244, 454, S), (268, 432),
+            (278, 402), (318, 402), (318, 430), (308, 446, S), (304, 458), (324, 474, S), (332, 502), (312, 488, S), (296, 478),
+            (296, 504, S), (306, 536), (282, 510, S), (276, 466), (262, 470, S), (250, 488), (250, 462, S), (270, 436),
         ],
         "antler_fore": [
-            (318, 402), (356, 392), (364, 424), (386, 442, S), (392, 476), (376, 456, S), (362, 452), (368, 490, S),
-            (352, 530), (352, 486, S), (344, 456), (340, 466), (334, 450), (318, 428),
+            (318, 402), (358, 392), (358, 424), (376, 440, S), (384, 472), (368, 458, S), (354, 454), (358, 490, S),
+            (346, 536), (340, 500, S), (336, 462), (330, 446, S), (318, 430),
         ],
-        "tail": [(48, 244), (78, 260), (64, 278, S), (40, 286), (42, 268, S)],
+        "tail": [(48, 244), (80, 260), (76, 280, S), (46, 296), (46, 270, S)],
     }  # fmt: skip
 
 
