@@ -152,9 +152,10 @@ def _facet_overlaps(
                 if len(outer) >= 3:
                     kept = tuple(h for h in holes if len(h) >= 3)
                     found.append((*pair, fa, outer, kept, mine.normal))
-            elif widest <= near and np.ptp(rise) <= NEARLY_PARALLEL_RAD * np.sqrt(piece.area):
-                if pair not in misses or widest < misses[pair][0]:
-                    misses[pair] = (widest, float(piece.area))
+                continue
+            parallel_enough = np.ptp(rise) <= NEARLY_PARALLEL_RAD * np.sqrt(piece.area)
+            if widest <= near and parallel_enough and widest < misses.get(pair, (np.inf, 0.0))[0]:
+                misses[pair] = (widest, float(piece.area))
     return found, misses
 
 

@@ -46,7 +46,7 @@ def solid(mesh: Mesh) -> manifold3d.Manifold:
 
     return manifold3d.Manifold(
         manifold3d.Mesh64(
-            np.ascontiguousarray(mesh.vertices, dtype=np.float64), np.ascontiguousarray(mesh.faces, dtype=np.uint64)
+            np.array(mesh.vertices, order="C"), np.array(mesh.faces, dtype=np.uint64, order="C")
         )
     )
 
@@ -62,7 +62,7 @@ def _boxes_overlap(meshes: Sequence[Mesh], depth: float) -> IntArray:
     i, j = i[i < j], j[i < j]
     common = np.minimum(upper[i], upper[j]) - np.maximum(lower[i], lower[j])
     pairs = np.stack([i, j], axis=1)[(common > depth).all(axis=1)]
-    return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+    return np.asarray(pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))])
 
 
 def _separated(
