@@ -1,0 +1,112 @@
+"""Safety caps: what the driver never exceeds, whatever a plan asks. Configuration may only lower them.
+
+The figures are published starting points for assembly with e-series arms; they are unproven on hardware here. A cell's
+own risk assessment (ISO 10218-2, ISO/TS 15066) decides what is safe, and may only tighten them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from types import MappingProxyType
+
+from mocca_robot.errors import InputError, nearest
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Caps of one cell. SI units; a plan or configuration can lower each, never raise it above `HARD_CAPS`."""
+
+    transfer_speed_m_s: float = 0.10
+    transfer_acceleration_m_s2: float = 0.5
+    approach_speed_m_s: float = 0.02
+    insert_speed_m_s: float = 0.01
+    insert_acceleration_m_s2: float = 0.1
+    joint_speed_rad_s: float = math.radians(60)
+    """PolyScope's own default for joint moves."""
+    joint_acceleration_rad_s2: float = math.radians(80)
+    """PolyScope's own default for joint moves."""
+    joint_step_rad: float = 0.2
+    """Largest change of one joint between two waypoints, and from the measured to a first commanded pose."""
+    contact_force_n: float = 5.0
+    """Over the zeroed bias: a guarded motion that feels more has touched something."""
+    push_force_n: float = 10.0
+    jam_force_n: float = 15.0
+    jam_speed_m_s: float = 0.002
+    jam_time_s: float = 0.25
+    abort_force_n: float = 25.0
+    abort_torque_nm: float = 2.0
+    abort_tilt_rad: float = math.radians(5)
+    force_damping: float = 0.1
+    force_gain: float = 0.5
+    retries: int = 2
+    state_age_s: float = 0.1
+    """State older than this is no state: stop."""
+    start_joint_rad: float = 0.01
+    start_distance_m: float = 0.002
+    """How close the arm must stand to the first waypoint of a motion."""
+    tracking_distance_m: float = 0.02
+    """Farther than this from the commanded path: stop."""
+    depth_tolerance_m: float = 0.001
+    """An insertion counts as complete when its measured depth lacks no more than this."""
+    grip_tolerance_m: float = 0.002
+    """Fingers that close to a width farther than this from the part's do not hold the part."""
+    watchdog_hz: float = 5.0
+    """The controller stops the program when it hears nothing for one period: the link or this process died."""
+
+    def lowered(self, values: Mapping[str, object]) -> Limits:
+        """Return these limits with some lowered; InputError for an unknown name, a non-number or a raise."""
+        known = {f.name for f in fields(self)}
+        changes: dict[str, float | int] = {}
+        for name, value in values.items():
+            if name not in known:
+                raise InputError(f"Unknown limit '{name}'. {nearest(name, known)}")
+            cap = getattr(HARD_CAPS, name)
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                raise InputError(f"Limit '{name}' is {value!r}; give a finite number of at most {cap:g}.")
+            floor = _FLOORS.get(name, 0.0)
+            if name in RAISE_IS_SAFER:
+                if value < cap:
+                    raise InputError(f"Limit '{name}' is {value:g}; below {cap:g} would be less safe, give at least that.")
+            elif not floor <= value <= cap:
+                raise InputError(
+                    f"Limit '{name}' is {value:g}; it must lie between {floor:g} and the driver's cap {cap:g}, which "
+                    "configuration may only lower."
+                )
+            changes[name] = int(value) if name == "retries" else float(value)
+        return replace(self, **changes)  # type: ignore[arg-type]
+
+    def changed(self) -> dict[str, float]:
+        """Return the limits that differ from the defaults: what a plan file has to record."""
+        default = asdict(Limits())
+        return {name: value for name, value in asdict(self).items() if value != default[name]}
+
+
+HARD_CAPS = replace(Limits(), abort_force_n=40.0)
+"""No configuration exceeds these; only the abort force has room above its default (25 N)."""
+
+RAISE_IS_SAFER = frozenset({"watchdog_hz"})
+
+_FLOORS = MappingProxyType(
+    {
+        "transfer_speed_m_s": 1e-3,
+        "transfer_acceleration_m_s2": 1e-2,
+        "approach_speed_m_s": 1e-3,
+        "insert_speed_m_s": 1e-3,
+        "insert_acceleration_m_s2": 1e-2,
+        "joint_speed_rad_s": 1e-2,
+        "joint_acceleration_rad_s2": 1e-2,
+        "joint_step_rad": 1e-3,
+        "contact_force_n": 1.0,
+        "push_force_n": 1.0,
+        "abort_force_n": 5.0,
+        "state_age_s": 0.02,
+        "start_joint_rad": 1e-4,
+        "start_distance_m": 1e-4,
+        "tracking_distance_m": 2e-3,
+        "depth_tolerance_m": 1e-4,
+        "grip_tolerance_m": 2e-4,
+    }
+)
+"""Below these a figure is a typing mistake (or stops every motion): refused rather than obeyed."""

@@ -1,0 +1,400 @@
+"""A plan: what a robot is to do, part by part, as timed joint paths with forces and gripper openings.
+
+The data model of `plan.json` and its reading and writing. `checks` judges whether a plan is safe to run.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from mocca_robot.assembly import Array
+from mocca_robot.errors import InputError, nearest
+from mocca_robot.ur.limits import Limits
+from mocca_robot.ur.pose import Six, Three, six, three
+
+FORMAT = "mocca-robot/plan"
+VERSION = 1
+GRIPPERS = ("2f85", "none")
+T = TypeVar("T")
+
+
+class MoveKind(StrEnum):
+    """What a move is for; it decides speed cap, guard and gripper action."""
+
+    TRANSIT = "transit"
+    """Free motion; a force above the move's limit stops it."""
+    APPROACH = "approach"
+    """Guarded free motion; any contact stops it."""
+    PICK = "pick"
+    """Guarded motion to the part, then the gripper closes and the part's width is checked."""
+    LIFT = "lift"
+    """Slow motion with the part, away from the tray."""
+    INSERT = "insert"
+    """Compliant push along the line from the first to the last waypoint; success is measured depth."""
+    RELEASE = "release"
+    """The gripper opens to the move's opening; the arm stands still."""
+    RETREAT = "retreat"
+    """Slow motion away from the placed part."""
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """Time from the start of the move (s), joint angles (rad), pose of the tool's centre point in the base frame."""
+
+    t: float
+    q: Six
+    tcp: Six
+
+
+@dataclass(frozen=True)
+class Move:
+    """One motion.
+
+    Attributes:
+        kind: what it is for.
+        path: at least one waypoint, times increasing from the first.
+        speed_m_s: largest speed of the tool's centre point along the path.
+        force_limit_n: a larger force over the zeroed bias stops the motion.
+        gripper_m: opening between the fingers, commanded by `pick` and `release`, held by the others.
+        alternatives: for `insert`: other straight paths to the same final pose, inside the α-cone, for retries.
+    """
+
+    kind: MoveKind
+    path: tuple[Waypoint, ...]
+    speed_m_s: float
+    force_limit_n: float
+    gripper_m: float
+    alternatives: tuple[tuple[Waypoint, ...], ...] = ()
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """How a part is held.
+
+    Attributes:
+        width_m: the part's width between the fingers.
+        mass_kg: the part's mass.
+        cog_m: the part's centre of gravity in the tool flange's frame.
+        force_n: gripping force.
+    """
+
+    width_m: float
+    mass_kg: float
+    cog_m: Three = (0.0, 0.0, 0.0)
+    force_n: float = 20.0
+
+
+@dataclass(frozen=True)
+class Step:
+    """One part: how it is held, the moves that place it, and the cone inside which it may be inserted (base frame)."""
+
+    part: str
+    grasp: Grasp
+    moves: tuple[Move, ...]
+    direction: Three | None = None
+    alpha_rad: float = 0.0
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What stands around the arm, as far as execution needs to know.
+
+    Attributes:
+        name: as the person who starts the robot knows it.
+        serial: the controller's serial number, if the plan is for one robot only.
+        tcp_offset: the tool's centre point in the flange's frame.
+        tool_mass_kg, tool_cog_m: the empty gripper, centre of gravity in the flange's frame.
+        gripper_stroke_m: smallest and largest opening.
+        workspace_m: corners (low, high) of the box, base frame, that the tool's centre point must not leave.
+        limits: caps lowered for this cell.
+    """
+
+    name: str
+    tcp_offset: Six
+    workspace_m: tuple[Three, Three]
+    tool_mass_kg: float = 0.0
+    tool_cog_m: Three = (0.0, 0.0, 0.0)
+    gripper_stroke_m: tuple[float, float] = (0.0, 0.085)
+    serial: str | None = None
+    limits: Limits = field(default_factory=Limits)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A whole build. `design` is the design file's path relative to the plan, if recorded."""
+
+    design_sha256: str
+    robot: str
+    gripper: str
+    cell: Cell
+    steps: tuple[Step, ...]
+    design: str | None = None
+
+    @property
+    def sha256(self) -> str:
+        """Return the hash that a journal stores: of the plan's canonical JSON, so any changed figure changes it."""
+        text = json.dumps(document(self), sort_keys=True, separators=(",", ":"), allow_nan=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    @property
+    def first_waypoint(self) -> Waypoint:
+        """Return where the arm has to stand before the first step."""
+        return self.steps[0].moves[0].path[0]
+
+
+def insertion_axis(path: Sequence[Waypoint]) -> tuple[Array, float]:
+    """Return the unit direction (3,) from the first to the last waypoint and the distance, metres."""
+    delta = np.asarray(path[-1].tcp[:3]) - np.asarray(path[0].tcp[:3])
+    depth = float(np.linalg.norm(delta))
+    return (delta / depth if depth > 0 else delta), depth
+
+
+def file_sha256(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes: how a plan names the design it was made for."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def read_plan(path: Path | str, design: Path | str | None = None) -> Plan:
+    """Return the plan in `path`, well-formed but not yet judged (`checks.findings` does that).
+
+    With `design`, or when the plan names one that lies beside it, the design's bytes must still have the hash that
+    the plan was made for. InputError names the key, step, move and waypoint of whatever cannot be read.
+    """
+    path = Path(path)
+    try:
+        raw = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"Cannot read the plan {path}: {error}. Write one with `mocca-robot plan`.") from error
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path} is not JSON (line {error.lineno}: {error.msg}). Plan again.") from error
+    plan = plan_from_document(raw, str(path))
+    beside = path.parent / plan.design if plan.design else None
+    source = Path(design) if design is not None else (beside if beside is not None and beside.is_file() else None)
+    if source is not None:
+        if not source.is_file():
+            raise InputError(f"The design {source} does not exist. Give the design.json that {path} was planned from.")
+        found = file_sha256(source)
+        if found != plan.design_sha256:
+            raise InputError(
+                f"{path} was planned for a design with SHA-256 {plan.design_sha256[:12]}…, but {source} has "
+                f"{found[:12]}…: the design was altered since. Plan again from the present design."
+            )
+    return plan
+
+
+def write_plan(plan: Plan, path: Path | str) -> None:
+    """Write `plan` as JSON; `read_plan` returns an equal plan with the same hash."""
+    Path(path).write_text(json.dumps(document(plan), indent=1) + "\n", encoding="utf-8")
+
+
+def document(plan: Plan) -> dict[str, Any]:
+    """Return the plan as JSON-ready values, format and version first."""
+    cell = plan.cell
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "units": "m",
+        "design_sha256": plan.design_sha256,
+        **({"design": plan.design} if plan.design else {}),
+        "robot": plan.robot,
+        "gripper": plan.gripper,
+        "cell": {
+            "name": cell.name,
+            **({"serial": cell.serial} if cell.serial else {}),
+            "tcp_offset": list(cell.tcp_offset),
+            "tool_mass_kg": cell.tool_mass_kg,
+            "tool_cog_m": list(cell.tool_cog_m),
+            "gripper_stroke_m": list(cell.gripper_stroke_m),
+            "workspace_m": [list(c) for c in cell.workspace_m],
+            "limits": cell.limits.changed(),
+        },
+        "steps": [_step_document(s) for s in plan.steps],
+    }
+
+
+def _step_document(step: Step) -> dict[str, Any]:
+    grasp = step.grasp
+    out: dict[str, Any] = {
+        "part": step.part,
+        "grasp": {
+            "width_m": grasp.width_m,
+            "mass_kg": grasp.mass_kg,
+            "cog_m": list(grasp.cog_m),
+            "force_n": grasp.force_n,
+        },
+    }
+    if step.direction is not None:
+        out["insertion"] = {"direction": list(step.direction), "alpha_deg": math.degrees(step.alpha_rad)}
+    out["moves"] = [
+        {
+            "kind": str(m.kind),
+            "path": _path_document(m.path),
+            "speed_m_s": m.speed_m_s,
+            "force_limit_n": m.force_limit_n,
+            "gripper_m": m.gripper_m,
+            **({"alternatives": [_path_document(p) for p in m.alternatives]} if m.alternatives else {}),
+        }
+        for m in step.moves
+    ]
+    return out
+
+
+def _path_document(path: Sequence[Waypoint]) -> list[dict[str, Any]]:
+    return [{"t": w.t, "q": list(w.q), "tcp": list(w.tcp)} for w in path]
+
+
+def plan_from_document(raw: object, source: str = "plan") -> Plan:
+    """Return the plan in parsed JSON; InputError names the key and where it stands."""
+    top = _mapping(raw, source)
+    if top.get("format") != FORMAT:
+        raise InputError(f"{source}: 'format' is {top.get('format')!r}, not '{FORMAT}'. Give a plan.json.")
+    version = top.get("version")
+    if version != VERSION:
+        raise InputError(f"{source}: plan version {version!r}; this program reads version {VERSION}. Plan again with it.")
+    if top.get("units", "m") != "m":
+        raise InputError(f"{source}: 'units' is {top['units']!r}; plans are in metres. Plan again.")
+    gripper = _text(top, "gripper", source)
+    if gripper not in GRIPPERS:
+        raise InputError(f"{source}: unknown gripper '{gripper}'. {nearest(gripper, GRIPPERS)}")
+    steps = _list(top, "steps", source)
+    if not steps:
+        raise InputError(f"{source}: the plan has no steps. Plan an assembly with at least one free part.")
+    return Plan(
+        design_sha256=_text(top, "design_sha256", source),
+        robot=_text(top, "robot", source),
+        gripper=gripper,
+        cell=_cell(_mapping(top.get("cell"), f"{source}: cell"), f"{source}: cell"),
+        steps=tuple(_step(_mapping(s, f"{source}: step {i}"), f"{source}: step {i}") for i, s in enumerate(steps)),
+        design=_text(top, "design", source) if "design" in top else None,
+    )
+
+
+def _cell(raw: Mapping[str, Any], where: str) -> Cell:
+    box = _list(raw, "workspace_m", where)
+    if len(box) != 2:
+        raise InputError(f"{where}: 'workspace_m' has {len(box)} corners; give the low and the high one.")
+    stroke = _numbers(raw.get("gripper_stroke_m", [0.0, 0.085]), 2, f"{where}: gripper_stroke_m")
+    return Cell(
+        name=_text(raw, "name", where),
+        serial=_text(raw, "serial", where) if raw.get("serial") is not None else None,
+        tcp_offset=six(_numbers(raw.get("tcp_offset"), 6, f"{where}: tcp_offset")),
+        tool_mass_kg=_number(raw, "tool_mass_kg", where, 0.0),
+        tool_cog_m=three(_numbers(raw.get("tool_cog_m", [0, 0, 0]), 3, f"{where}: tool_cog_m")),
+        gripper_stroke_m=(stroke[0], stroke[1]),
+        workspace_m=(
+            three(_numbers(box[0], 3, f"{where}: workspace_m[0]")),
+            three(_numbers(box[1], 3, f"{where}: workspace_m[1]")),
+        ),
+        limits=Limits().lowered(_mapping(raw.get("limits", {}), f"{where}: limits")),
+    )
+
+
+def _step(raw: Mapping[str, Any], where: str) -> Step:
+    part = _text(raw, "part", where)
+    where = f"{where} ({part})"
+    grasp = _mapping(raw.get("grasp"), f"{where}: grasp")
+    moves = _list(raw, "moves", where)
+    if not moves:
+        raise InputError(f"{where}: no moves. Plan this part again.")
+    direction: Three | None = None
+    alpha = 0.0
+    if "insertion" in raw:
+        insertion = _mapping(raw["insertion"], f"{where}: insertion")
+        direction = three(_numbers(insertion.get("direction"), 3, f"{where}: insertion direction"))
+        alpha = math.radians(_number(insertion, "alpha_deg", f"{where}: insertion"))
+    return Step(
+        part=part,
+        grasp=Grasp(
+            width_m=_number(grasp, "width_m", f"{where}: grasp"),
+            mass_kg=_number(grasp, "mass_kg", f"{where}: grasp"),
+            cog_m=three(_numbers(grasp.get("cog_m", [0, 0, 0]), 3, f"{where}: grasp cog_m")),
+            force_n=_number(grasp, "force_n", f"{where}: grasp", 20.0),
+        ),
+        moves=tuple(_move(_mapping(m, f"{where}, move {k}"), f"{where}, move {k}") for k, m in enumerate(moves)),
+        direction=direction,
+        alpha_rad=alpha,
+    )
+
+
+def _move(raw: Mapping[str, Any], where: str) -> Move:
+    kind = _text(raw, "kind", where)
+    if kind not in set(MoveKind):
+        raise InputError(f"{where}: unknown kind '{kind}'. {nearest(kind, MoveKind)}")
+    where = f"{where} ({kind})"
+    return Move(
+        kind=MoveKind(kind),
+        path=_path(_list(raw, "path", where), where),
+        speed_m_s=_number(raw, "speed_m_s", where),
+        force_limit_n=_number(raw, "force_limit_n", where),
+        gripper_m=_number(raw, "gripper_m", where),
+        alternatives=tuple(
+            _path(_sequence(p, f"{where}: alternative {a}"), f"{where}, alternative {a}")
+            for a, p in enumerate(_sequence(raw.get("alternatives", []), f"{where}: alternatives"))
+        ),
+    )
+
+
+def _path(raw: Sequence[Any], where: str) -> tuple[Waypoint, ...]:
+    if not raw:
+        raise InputError(f"{where}: the path is empty. Plan this part again.")
+    out = []
+    for w, entry in enumerate(raw):
+        here = f"{where}, waypoint {w}"
+        item = _mapping(entry, here)
+        q, tcp = _numbers(item.get("q"), 6, f"{here}: q"), _numbers(item.get("tcp"), 6, f"{here}: tcp")
+        out.append(Waypoint(_number(item, "t", here), six(q), six(tcp)))
+    return tuple(out)
+
+
+def _mapping(value: object, where: str) -> Mapping[str, Any]:
+    return _typed(value, where, "an object", lambda v: isinstance(v, dict))
+
+
+def _sequence(value: object, where: str) -> Sequence[Any]:
+    return _typed(value, where, "a list", lambda v: isinstance(v, list))
+
+
+def _typed(value: Any, where: str, wanted: str, test: Callable[[object], bool]) -> Any:
+    if not test(value):
+        raise InputError(f"{where} is {_short(value)}, not {wanted}. Plan again.")
+    return value
+
+
+def _list(raw: Mapping[str, Any], key: str, where: str) -> Sequence[Any]:
+    return _sequence(raw.get(key), f"{where}: '{key}'")
+
+
+def _text(raw: Mapping[str, Any], key: str, where: str) -> str:
+    value = raw.get(key)
+    if not isinstance(value, str) or not value:
+        raise InputError(f"{where}: '{key}' is {_short(value)}, not a text. Plan again.")
+    return value
+
+
+def _number(raw: Mapping[str, Any], key: str, where: str, default: float | None = None) -> float:
+    return _numbers([raw.get(key, default)], 1, f"{where}: {key}")[0]
+
+
+def _numbers(value: object, count: int, where: str) -> list[float]:
+    if not isinstance(value, list) or len(value) != count:
+        size = f"{len(value)} numbers" if isinstance(value, list) else _short(value)
+        remedy = "x, y, z, rx, ry, rz or six joint angles" if count == 6 else f"exactly {count}"
+        raise InputError(f"{where} has {size}; {count} are needed ({remedy}). Plan again.")
+    for v in value:
+        if isinstance(v, bool) or not isinstance(v, int | float) or not math.isfinite(v):
+            raise InputError(f"{where} holds {_short(v)}, not a finite number. Plan again.")
+    return [float(v) for v in value]
+
+
+def _short(value: object) -> str:
+    text = "missing" if value is None else repr(value)
+    return text if len(text) <= 40 else text[:37] + "…"
