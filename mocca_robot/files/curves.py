@@ -37,11 +37,11 @@ def flattened(curves: Array, size: float) -> list[Array]:
     forward = curves.reshape(len(curves), 8)
     backward = curves[:, ::-1].reshape(len(curves), 8)
     tree = KDTree(forward)
-    same = tree.query_ball_point(forward, SAME * size)
-    reverse = tree.query_ball_point(backward, SAME * size)
+    same: list[list[int]] = list(tree.query_ball_point(forward, SAME * size))
+    reverse: list[list[int]] = list(tree.query_ball_point(backward, SAME * size))
     polylines: list[Array] = []
     for k, curve in enumerate(curves):
-        first, first_reverse = min(list(same[k])), min(list(reverse[k]), default=len(curves))
+        first, first_reverse = min(same[k]), min(reverse[k], default=len(curves))
         if first == k and first_reverse >= k:
             inner = _inner_points(curve, size)
         else:

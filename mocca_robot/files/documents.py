@@ -157,7 +157,7 @@ def _plain_loader() -> Any:
                         )
                     keys.add(key.value)
                     key.tag = "tag:yaml.org,2002:str"  # a part may be called 1
-            return super().construct_object(node, deep)  # type: ignore[no-untyped-call]
+            return super().construct_object(node, deep)
 
     for name, pattern, first in (
         ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
@@ -169,5 +169,5 @@ def _plain_loader() -> Any:
             "-+.0123456789",
         ),
     ):
-        PlainLoader.add_implicit_resolver(f"tag:yaml.org,2002:{name}", re.compile(rf"^(?:{pattern})$"), list(first))  # type: ignore[no-untyped-call]
+        PlainLoader.add_implicit_resolver(f"tag:yaml.org,2002:{name}", re.compile(rf"^(?:{pattern})$"), list(first))
     return PlainLoader
