@@ -20,6 +20,7 @@ from mocca_robot.parts_graph import PartMotion, part_motions
 from planners.energy import Loads
 from planners.kinematic import Impossible, bound, required_wrenches
 from planners.realization import Parameters, Polished, Problem, evaluate, fit, polish
+from planners.shapes import Shapes
 from planners.shapes2d import Shapes2D
 
 Progress = Callable[[str, float], None]
@@ -87,7 +88,7 @@ def design(
     required = load_cases(assembly)
     margins = margin_cases(assembly, required, options.tilt_margin_rad)
     loads = Loads.of(assembly, found, (*required, *margins))
-    shapes = Shapes2D.of(assembly, found, options)
+    shapes: Shapes = Shapes2D.of(assembly, found, options)
     pairs = np.array([c.parts for c in found])
     motions = part_motions(assembly, [planar(c) for c in found])
     problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad)
@@ -141,7 +142,7 @@ def margin_cases(assembly: Assembly, required: Sequence[LoadCase], tilt_rad: flo
 
 
 def _planar_start(
-    assembly: Assembly, shapes: Shapes2D, motions: dict[int, PartMotion], insertion: dict[str, Array] | None
+    assembly: Assembly, shapes: Shapes, motions: dict[int, PartMotion], insertion: dict[str, Array] | None
 ) -> Parameters:
     count = len(shapes.contacts)
     up = np.zeros(assembly.dimension)
@@ -155,9 +156,9 @@ def _planar_start(
     return Parameters(np.tile(shapes.rest, (count, 1)), lean, axis, np.zeros(count, dtype=np.bool_))
 
 
-def _search(problem: Problem, start: Parameters, progress: Progress | None) -> tuple[Shapes2D, Polished]:
+def _search(problem: Problem, start: Parameters, progress: Progress | None) -> tuple[Shapes, Polished]:
     """Return the first attempt that solves everything, or the one that came nearest."""
-    best: tuple[tuple[float, float], Shapes2D, Polished] | None = None
+    best: tuple[tuple[float, float], Shapes, Polished] | None = None
     for label, shapes, first in _attempts(problem, start):
         attempt = Problem(shapes, problem.loads, problem.required, problem.pairs, problem.alpha_rad)
         step = None if progress is None else (lambda _, worst, what=label: progress(what, worst))
@@ -173,7 +174,7 @@ def _search(problem: Problem, start: Parameters, progress: Progress | None) -> t
     return best[1], best[2]
 
 
-def _attempts(problem: Problem, start: Parameters) -> Iterator[tuple[str, Shapes2D, Parameters]]:
+def _attempts(problem: Problem, start: Parameters) -> Iterator[tuple[str, Shapes, Parameters]]:
     """Yield starting points from the most promising to the most stubborn.
 
     First the joints that kinematic design asks for, then every joint from there, then uniform bumps of either
@@ -258,7 +259,7 @@ def _narrow_parts(assembly: Assembly, motions: dict[int, PartMotion]) -> tuple[N
     )
 
 
-def _notes(assembly: Assembly, shapes: Shapes2D, report: ContactReport) -> tuple[str, ...]:
+def _notes(assembly: Assembly, shapes: Shapes, report: ContactReport) -> tuple[str, ...]:
     notes = []
     kept: BoolArray = ~shapes.can_curve
     for e in np.flatnonzero(kept):

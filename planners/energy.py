@@ -64,7 +64,7 @@ class Loads:
             thickness / unit,
         )
 
-    def only(self, cases: Array) -> Loads:
+    def only(self, cases: IntArray) -> Loads:
         """Return the loads of the cases with these indices."""
         return replace(
             self,
@@ -119,7 +119,7 @@ def energy(
     `warm` is the result of a nearby problem of the same shape; it saves time and does not change the answer.
     """
     count, rays, d = points.shape
-    free = loads.free.any(axis=0)
+    free = np.asarray(loads.free.any(axis=0))
     system = ContactSystem.build(
         np.repeat(pairs, rays, axis=0),
         points.reshape(-1, d),

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, BoolArray
+from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray
 from mocca_robot.contacts import Contact
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion_cone import generalized_normals
@@ -101,7 +101,7 @@ def bound(
         np.concatenate(pairs),
         np.concatenate(points),
         np.concatenate(normals),
-        loads.free.any(axis=0),
+        np.asarray(loads.free.any(axis=0)),
         loads.about,
         loads.length,
     )
@@ -134,7 +134,7 @@ def required_wrenches(
     pairs = np.repeat([c.parts for c in contacts], rays, axis=0)
     use = allowed.ravel()
     owner = np.repeat(np.arange(count), rays)[use]
-    free = loads.free.any(axis=0)
+    free = np.asarray(loads.free.any(axis=0))
     system = ContactSystem.build(
         pairs[use], points.reshape(-1, d)[use], normals.reshape(-1, d)[use], free, loads.about, loads.length
     )
@@ -156,7 +156,7 @@ def required_wrenches(
     return Requirement(wrenches, slope / max(float(total.max(initial=0.0)), 1e-300), residual)
 
 
-def _solve(system: ContactSystem, loads: Loads, case: int, owner: Array, price: Array | None) -> EquilibriumResult:
+def _solve(system: ContactSystem, loads: Loads, case: int, owner: IntArray, price: Array | None) -> EquilibriumResult:
     """Return one case solved in units of its own total wrench; forces come back for all rays of `system`."""
     active = loads.active[case][owner]
     part = system.subset(active).holding(loads.free[case])

@@ -16,9 +16,9 @@ from scipy.optimize import minimize
 
 from mocca_robot.assembly import Array, BoolArray, IntArray
 from mocca_robot.motion_cone import distance_to_cone, generalized_normals
-from planners.energy import EnergyResult, Loads, energy, load_power, local_power
+from planners.energy import EnergyResult, Loads, energy, local_power
 from planners.kinematic import Requirement
-from planners.shapes2d import Shapes2D
+from planners.shapes import Shapes
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Problem:
         alpha_rad: assemblability, None when not asked for.
     """
 
-    shapes: Shapes2D
+    shapes: Shapes
     loads: Loads
     required: int
     pairs: IntArray
@@ -83,27 +83,28 @@ def evaluate(
 
     `inset` narrows each joint about its middle and lowers its bump by that share, for designing with a reserve.
     """
-    u = problem.shapes.directions(parameters.lean)
-    shape = np.where(parameters.curved[:, None], parameters.shape, _planar_shape(parameters.shape))
-    wrenches = problem.loads.wrenches + problem.loads.moved(problem.pairs, *problem.shapes.transferred(shape, u))
-    points, normals = _inset_rays(problem.shapes, shape, u, inset)
+    shapes = problem.shapes
+    surface = shapes.surface(_drawn(parameters), shapes.directions(parameters.lean))
+    wrenches = problem.loads.wrenches + problem.loads.moved(problem.pairs, *shapes.transferred(surface))
+    points, normals = shapes.rays(_inset(shapes, surface, inset))
     return energy(problem.loads, problem.pairs, points, normals, wrenches, warm), wrenches
 
 
-def _planar_shape(shape: Array) -> Array:
-    flat = shape.copy()
+def _drawn(parameters: Parameters) -> Array:
+    """Return shapes (E, S) with the joints that may not curve laid flat."""
+    flat = parameters.shape.copy()
     flat[:, 2:] = 0.0
-    return flat
+    return np.where(parameters.curved[:, None], parameters.shape, flat)
 
 
-def _inset_rays(shapes: Shapes2D, shape: Array, u: Array, inset: float) -> tuple[Array, Array]:
+def _inset(shapes: Shapes, surface: Array, inset: float) -> Array:
+    """Return surfaces (E, V, d) narrowed about their contact's centre and flattened towards its plane."""
     if inset == 0.0:
-        return shapes.rays(shape, u)
-    lowered = shape.copy()
-    lowered[:, list(shapes.heights)] *= 1.0 - 2.0 * inset
-    points, normals = shapes.rays(lowered, u)
-    middle = shapes.centres[:, None]
-    return middle + (1.0 - inset) * (points - middle), normals
+        return surface
+    offset = surface - shapes.centres[:, None]
+    height = np.einsum("evd,ed->ev", offset, shapes.normals)
+    lowered = offset * (1.0 - inset) - 2.0 * inset * height[..., None] * shapes.normals[:, None]
+    return np.asarray(shapes.centres[:, None] + lowered)
 
 
 def polish(
@@ -123,8 +124,7 @@ def polish(
     while True:
         with_reserve, _ = evaluate(problem, parameters, problem.shapes.options.inset)
         failing = with_reserve.infeasibility > MARGIN_SOLVED
-        layout = _Layout.of(problem, parameters)
-        violation = _constraints(problem, parameters, layout)[2]
+        violation = violation_of(problem, parameters)
         true, _ = evaluate(problem, parameters)
         solved = not failing.any() and true.infeasibility[: problem.required].max(initial=0.0) <= SOLVED
         if (solved and violation <= VIOLATED) or count >= evaluations or (count and not (failing & ~working).any()):
@@ -237,7 +237,8 @@ def _objective(
     """Return value and gradient of energy + penalties, the energy itself (with inset), the worst violation."""
     shapes, options = problem.shapes, problem.shapes.options
     result, wrenches = evaluate(problem, parameters, options.inset, warm)
-    penalty, axis_gradient, violation = _constraints(problem, parameters, layout)
+    surface = shapes.surface(_drawn(parameters), shapes.directions(parameters.lean))
+    penalty, axis_gradient, violation = _constraints(problem, parameters, surface)
     curved = parameters.curved
     heights = parameters.shape[:, list(shapes.heights)] * curved[:, None]
     value = (
@@ -248,14 +249,13 @@ def _objective(
 
     def local(shape: Array, lean: Array) -> Array:
         """Everything that depends on one joint only, (E,), as a function of all joints' parameters."""
-        u = shapes.directions(lean)
-        shape = np.where(curved[:, None], shape, _planar_shape(shape))
-        points, normals = _inset_rays(shapes, shape, u, options.inset)
-        power = local_power(result, problem.loads, problem.pairs, points, normals)
-        power += _load_power_per_joint(problem, result, wrenches, *shapes.transferred(shape, u))
         moved = Parameters(shape, lean, parameters.axis, curved)
+        surface = shapes.surface(_drawn(moved), shapes.directions(lean))
+        points, normals = shapes.rays(_inset(shapes, surface, options.inset))
+        power = local_power(result, problem.loads, problem.pairs, points, normals)
+        power += _load_power_per_joint(problem, result, wrenches, *shapes.transferred(surface))
         h = shape[:, list(shapes.heights)] * curved[:, None]
-        own = _constraints(problem, moved, layout)[0]
+        own = _constraints(problem, moved, surface)[0]
         return np.asarray(ENERGY_WEIGHT * power + PENALTY_WEIGHT * own + SHALLOW_WEIGHT * (h**2).sum(axis=1))
 
     step = 1e-6
@@ -301,17 +301,22 @@ def _load_power_per_joint(
     return power
 
 
-def _constraints(problem: Problem, parameters: Parameters, layout: _Layout) -> tuple[Array, Array, float]:
+def violation_of(problem: Problem, parameters: Parameters) -> float:
+    """Return the worst violation of assemblability, slope, room and radius; ≤ 1e-6 counts as none."""
+    shapes = problem.shapes
+    surface = shapes.surface(_drawn(parameters), shapes.directions(parameters.lean))
+    return _constraints(problem, parameters, surface)[2]
+
+
+def _constraints(problem: Problem, parameters: Parameters, surface: Array) -> tuple[Array, Array, float]:
     """Return squared hinge penalties per joint (E,), their gradient by part axis (N, d), the worst violation.
 
     Assemblability n̂·a_j ≥ sin α, slope n̂·n_contact ≥ cos(max slope), room and radius.
     """
     shapes, options = problem.shapes, problem.shapes.options
-    u = shapes.directions(parameters.lean)
-    shape = np.where(parameters.curved[:, None], parameters.shape, _planar_shape(parameters.shape))
-    _, normals = shapes.rays(shape, u)
+    _, normals = shapes.rays(surface)
     slope = np.maximum(0.0, np.cos(options.max_slope_rad) - np.einsum("erd,ed->er", normals, shapes.normals))
-    room = np.maximum(0.0, shapes.violations(shape, u))
+    room = np.maximum(0.0, shapes.violations(surface, _drawn(parameters)))
     penalty = (slope**2).sum(axis=1) + (room**2).sum(axis=1)
     worst = max(float(slope.max(initial=0.0)), float(room.max(initial=0.0)))
     axis_gradient = np.zeros_like(parameters.axis)
@@ -328,13 +333,13 @@ def _constraints(problem: Problem, parameters: Parameters, layout: _Layout) -> t
 
 
 def fit(
-    shapes: Shapes2D,
+    shapes: Shapes,
     required: Requirement,
     axis: Array,
     pairs: IntArray,
     alpha_rad: float | None,
     kinds: tuple[str, ...],
-) -> tuple[Shapes2D, Array, BoolArray]:
+) -> tuple[Shapes, Array, BoolArray]:
     """Return families, shapes (E, S) and which joints curve: for each joint the realisable shape that comes
     nearest to its required wrenches (Eq. 18, 19), the shallowest among equals.
 
@@ -347,13 +352,13 @@ def fit(
     u = shapes.directions(lean)
     best = np.full(len(pairs), np.inf)
     chosen = np.zeros(len(pairs), dtype=np.int64)
-    d = shapes.normals.shape[1]
     for index, (kind, row) in enumerate(catalogue):
         family = shapes.with_kinds([kind] * len(pairs))
         rows = np.tile(row, (len(pairs), 1))
-        points, normals = family.rays(rows, u)
+        surface = family.surface(rows, u)
+        points, normals = family.rays(surface)
         good = (np.einsum("erd,ed->er", normals, shapes.normals) >= np.cos(shapes.options.max_slope_rad)).all(axis=1)
-        good &= (family.violations(rows, u) <= 0.0).all(axis=1)
+        good &= (family.violations(surface, rows) <= 0.0).all(axis=1)
         if alpha_rad is not None:
             good &= (np.einsum("erd,ed->er", normals, axis[pairs[:, 1]]) >= np.sin(alpha_rad)).all(axis=1)
         for e in np.flatnonzero(curved & good):

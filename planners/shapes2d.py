@@ -96,7 +96,7 @@ class Shapes2D:
         turned = np.stack([c * n[:, 0] - s * n[:, 1], s * n[:, 0] + c * n[:, 1]], axis=1)
         return np.asarray(turned[self.pair])
 
-    def curves(self, shape: Array, u: Array) -> Array:
+    def surface(self, shape: Array, u: Array) -> Array:
         """Return (E, 21, 2) curve points for shapes (E, 4) and directions (E, 2)."""
         points = np.empty((len(shape), 21, 2))
         for kind in ("n", "z"):
@@ -105,18 +105,17 @@ class Shapes2D:
                 points[which] = spline_points(kind, self.segments[which], u[which], shape[which])
         return points
 
-    def rays(self, shape: Array, u: Array) -> tuple[Array, Array]:
-        """Return contact points and normals, (E, 40, 2) each: both ends of every straight piece."""
-        curve = self.curves(shape, u)
+    def rays(self, curve: Array) -> tuple[Array, Array]:
+        """Return contact points and normals, (E, 40, 2) each: both ends of every straight piece of the curves."""
         step = np.diff(curve, axis=1)
         normals = np.stack([step[..., 1], -step[..., 0]], axis=-1)
         normals /= np.maximum(np.linalg.norm(normals, axis=-1), 1e-300)[..., None]
         points = np.concatenate([curve[:, :-1], curve[:, 1:]], axis=1)
         return points, np.concatenate([normals, normals], axis=1)
 
-    def transferred(self, shape: Array, u: Array) -> tuple[Array, Array]:
-        """Return the area (E,) and first moment (E, 2) that each joint moves from P_j to P_i."""
-        curve = self.curves(shape, u) - self.segments[:, :1]
+    def transferred(self, curve: Array) -> tuple[Array, Array]:
+        """Return the area (E,) and first moment (E, 2) that each curve moves from P_j to P_i."""
+        curve = curve - self.segments[:, :1]
         ring = np.concatenate([curve, curve[:, :1]], axis=1)
         cross = ring[:, :-1, 0] * ring[:, 1:, 1] - ring[:, :-1, 1] * ring[:, 1:, 0]
         area = 0.5 * cross.sum(axis=1)
@@ -133,9 +132,9 @@ class Shapes2D:
         flat, high = max(self.options.margin, 0.02), self.options.max_height
         return np.array([flat, flat, -high, -high]), np.array([0.4, 0.4, high, high])
 
-    def violations(self, shape: Array, u: Array) -> Array:
-        """Return (E, V) how far shapes exceed their room and their smallest radius, in contact lengths; ≤ 0 is well."""
-        room = self.clearance.violation(self.curves(shape, u)) / self.lengths[:, None]
+    def violations(self, curve: Array, shape: Array) -> Array:
+        """Return (E, V) how far curves exceed their room and their smallest radius, in contact lengths; ≤ 0 is well."""
+        room = self.clearance.violation(curve) / self.lengths[:, None]
         if self.options.min_radius <= 0.0:
             return np.asarray(room)
         radius = np.empty(len(shape))
@@ -270,7 +269,7 @@ def _boundary_pieces(assembly: Assembly, contacts: Sequence[Contact], part: int)
     assert isinstance(shape, Polygon)
     tolerance = 1e-4 * assembly.size
     mine = [(e, c) for e, c in enumerate(contacts) if part in c.parts]
-    starts, ends, owners = [], [], []
+    pieces: list[tuple[Array, Array, int]] = []
     for ring in shape.rings:
         for a, b in zip(ring, np.roll(ring, -1, axis=0)):
             length = float(np.linalg.norm(b - a))
@@ -280,13 +279,13 @@ def _boundary_pieces(assembly: Assembly, contacts: Sequence[Contact], part: int)
             for e, c in mine:
                 along, off = (c.polygon - a) @ t, np.abs((c.polygon - a) @ normal)
                 facing = float(c.normal @ normal) * (1 if c.parts[0] == part else -1)
-                if off.max() < tolerance and facing > 0.9 and along.min() > -tolerance:
-                    if along.max() < length + tolerance:
-                        marks.append((float(along.min()), float(along.max()), e))
+                within = along.min() > -tolerance and along.max() < length + tolerance
+                if off.max() < tolerance and facing > 0.9 and within:
+                    marks.append((float(along.min()), float(along.max()), e))
             marks.sort()
             for (_, left, _), (right, _, _) in zip(marks, [*marks[1:], (length, length, -1)]):
                 if right - left > tolerance:
-                    starts.append(a + left * t), ends.append(a + right * t), owners.append(-1)
+                    pieces.append((a + left * t, a + right * t, -1))
             for left, right, e in marks[1:]:
-                starts.append(a + left * t), ends.append(a + right * t), owners.append(e)
-    return np.array(starts), np.array(ends), np.array(owners)
+                pieces.append((a + left * t, a + right * t, e))
+    return np.array([p[0] for p in pieces]), np.array([p[1] for p in pieces]), np.array([p[2] for p in pieces])

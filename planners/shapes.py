@@ -1,0 +1,89 @@
+"""What the optimiser needs to know of joints, whatever their dimension: parameters → surfaces → rays, mass, room."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+from mocca_robot.assembly import Array, BoolArray, IntArray
+from mocca_robot.contacts import Contact
+from mocca_robot.joints.joint import Joint
+from mocca_robot.joints.options import JointOptions
+
+
+class Shapes(Protocol):
+    """All joints of an assembly, evaluated together. E joints, Q pairs, S shape and L lean parameters."""
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """Return the contact of each joint."""
+
+    @property
+    def options(self) -> JointOptions:
+        """Return the designer's bounds."""
+
+    @property
+    def pair(self) -> IntArray:
+        """Return (E,) the pair of each joint; joints of one pair share u."""
+
+    @property
+    def pair_normal(self) -> Array:
+        """Return (Q, d) the reference direction from which each pair's u leans."""
+
+    @property
+    def n_lean(self) -> int:
+        """Return L: 1 in 2D, 2 in 3D."""
+
+    @property
+    def heights(self) -> tuple[int, ...]:
+        """Return the columns of `shape` that are heights; all zero = planar."""
+
+    @property
+    def rest(self) -> Array:
+        """Return the shape (S,) of a planar joint."""
+
+    @property
+    def normals(self) -> Array:
+        """Return (E, d) contact normals."""
+
+    @property
+    def centres(self) -> Array:
+        """Return (E, d) a point in the middle of each contact."""
+
+    @property
+    def lengths(self) -> Array:
+        """Return (E,) the size of each contact, m."""
+
+    @property
+    def can_curve(self) -> BoolArray:
+        """Return (E,) which contacts may become joints."""
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return lower and upper bounds of a shape row (S,)."""
+
+    def directions(self, lean: Array) -> Array:
+        """Return (E, d) principal directions for leans (Q, L)."""
+
+    def surface(self, shape: Array, u: Array) -> Array:
+        """Return (E, V, d) surface points for shapes (E, S) and directions (E, d)."""
+
+    def rays(self, surface: Array) -> tuple[Array, Array]:
+        """Return contact points and normals (E, R, d) of surfaces: the corners of every facet."""
+
+    def transferred(self, surface: Array) -> tuple[Array, Array]:
+        """Return volume (E,) and first moment (E, d) moved from P_j to P_i, per unit thickness in 2D."""
+
+    def violations(self, surface: Array, shape: Array) -> Array:
+        """Return (E, *) by how much, in contact sizes, room and radius are exceeded; ≤ 0 is well."""
+
+    def candidate_rays(self) -> tuple[Array, Array, Array]:
+        """Return points, normals (E, R, d) and prices (E, R) of the forces a joint could transmit."""
+
+    def catalogue(self, kinds: Sequence[str]) -> list[tuple[Any, Array]]:
+        """Return realisable (kind, shape row), shallow to sharp."""
+
+    def with_kinds(self, kinds: Sequence[Any]) -> Shapes:
+        """Return the same joints with other families."""
+
+    def joint(self, index: int, shape: Array, u: Array) -> Joint:
+        """Return one joint built."""
