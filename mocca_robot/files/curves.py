@@ -8,6 +8,7 @@ that agree take the inner points of the first of them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -37,8 +38,8 @@ def flattened(curves: Array, size: float) -> list[Array]:
     forward = curves.reshape(len(curves), 8)
     backward = curves[:, ::-1].reshape(len(curves), 8)
     tree = KDTree(forward)
-    same: list[list[int]] = list(tree.query_ball_point(forward, SAME * size))
-    reverse: list[list[int]] = list(tree.query_ball_point(backward, SAME * size))
+    same: Any = tree.query_ball_point(forward, SAME * size)
+    reverse: Any = tree.query_ball_point(backward, SAME * size)
     polylines: list[Array] = []
     for k, curve in enumerate(curves):
         first, first_reverse = min(same[k]), min(reverse[k], default=len(curves))
