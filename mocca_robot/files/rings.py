@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from shapely.validation import explain_validity
 
-from mocca_robot.assembly import Array, Polygon, signed_area
+from mocca_robot.assembly import Array, Polygon
 from mocca_robot.errors import InputError
 
 MAX_CORNERS = 200_000
@@ -74,7 +74,8 @@ def _require_area(name: str, kind: str, ring: Array, spoken: Callable[[Array], s
             f"Part '{name}': its {kind} at {spoken(ring[0])} has {len(ring)} different corners; it needs at least 3."
         )
     extent = float(np.linalg.norm(ring.max(axis=0) - ring.min(axis=0)))
-    if abs(signed_area(ring)) <= MIN_AREA * extent**2:
+    # Not the ring's own area: that of a figure of eight is zero, and its crossing is what has to be said.
+    if shapely.convex_hull(shapely.MultiPoint(ring)).area <= MIN_AREA * extent**2:
         raise InputError(
             f"Part '{name}': its {kind} at {spoken(ring[0])} encloses no area; give it width or remove it."
         )

@@ -21,6 +21,8 @@ from mocca_robot.files.rings import checked_polygon
 from mocca_robot.files.svg_tree import Outline, outlines, parse_length, parse_xml
 
 MAX_SVG_BYTES = 16 * 1024 * 1024
+LARGEST = 1e12
+"""Of a coordinate, in drawing units."""
 CLOSED = 1e-6
 """Paths whose ends are closer than this share of the drawing are closed: editors round to about six digits."""
 
@@ -149,6 +151,7 @@ def _subpaths(outline: Outline) -> list[_Subpath]:
         ) from None
     found: list[_Subpath] = []
     chain: list[Array] = []
+    _require_usable(segments, outline.name)
     for segment in segments:
         if isinstance(segment, Move):
             _finish(found, chain, False)
@@ -158,15 +161,26 @@ def _subpaths(outline: Outline) -> list[_Subpath]:
             _finish(found, chain, True)
             chain = []
         elif isinstance(segment, Arc):
-            chain.extend(_arc_curves(segment, outline.name))
+            chain.extend(_arc_curves(segment))
         else:
             chain.append(elevated([_xy(p) for p in segment]))
     _finish(found, chain, False)
     linear, shift = outline.matrix[:, :2], outline.matrix[:, 2]
     placed = [_Subpath(s.curves @ linear.T + shift, s.closed) for s in found]
-    if not all(np.isfinite(s.curves).all() and np.abs(s.curves).max() < 1e12 for s in placed):
-        raise InputError(f"Part '{outline.name}': a coordinate is not finite (or beyond 1e12); redraw it.")
+    if not all((np.abs(s.curves) < LARGEST).all() for s in placed):
+        raise InputError(f"Part '{outline.name}': a coordinate is beyond {LARGEST:g}; check its transforms.")
     return placed
+
+
+def _require_usable(segments: list[Any], name: str) -> None:
+    """Raise InputError when a coordinate is missing, not finite, or beyond what doubles can compute with."""
+    for segment in segments:
+        points = [p for p in segment if p is not None]
+        numbers = [v for p in points for v in _xy(p)] + [float(getattr(segment, "sweep", 0.0) or 0.0)]
+        if not all(abs(v) < LARGEST for v in numbers):
+            raise InputError(f"Part '{name}': a coordinate is not finite (or beyond {LARGEST:g}); redraw it.")
+        if segment.end is None:
+            raise InputError(f"Part '{name}': its path closes before it begins; save it again.")
 
 
 def _finish(found: list[_Subpath], chain: list[Array], closed: bool) -> None:
@@ -175,10 +189,8 @@ def _finish(found: list[_Subpath], chain: list[Array], closed: bool) -> None:
         found.append(_Subpath(curves, closed))
 
 
-def _arc_curves(arc: Any, name: str) -> list[Array]:
+def _arc_curves(arc: Any) -> list[Array]:
     """Return cubics of at most 30° each: 4e-7 of the radius off, and the same ones for the reversed arc."""
-    if not np.isfinite([arc.sweep, *_xy(arc.start), *_xy(arc.end)]).all():
-        raise InputError(f"Part '{name}': an arc has a coordinate that is not finite; redraw it.")
     pieces = max(1, int(np.ceil(abs(arc.sweep) / (np.pi / 6) - 1e-6)))
     curves = [np.array([_xy(p) for p in c]) for c in arc.as_cubic_curves(pieces)]
     if not curves:
