@@ -20,9 +20,19 @@ S = 1.0
 """Marks a point on a smooth curve."""
 DIGITS = 4
 MARGIN_MM = 10.0
-FIXED = "#b8b8b8"
-PALETTE = ("#77aadd", "#ee8866", "#eedd88", "#44bb99", "#ffaabb", "#bbcc33", "#99ddff", "#aaaa00")
-"""Paul Tol's light scheme: its colours stay apart in common colour blindness. Grey is kept for fixed parts."""
+GREY = "#b8b8b8"
+PALETTES = {
+    "m": ("#77aadd", "#99ddff", "#44bb99", "#ee8866"),
+    "scarecrow": ("#ee8866", "#ee8866", "#eedd88"),
+    "stack": ("#77aadd", "#eedd88", "#ee8866", "#99ddff", "#bbcc33", "#ffaabb", "#44bb99", "#aaaa00", "#77aadd"),
+    "tree": ("#44bb99", "#bbcc33"),
+    "deer": ("#d9a066", "#b97a45", "#f0cfa0", "#b97a45", "#d9a066", "#b97a45", "#d9a066", "#f0cfa0", "#d9a066",
+             "#eedd88", "#aaaa00", "#f0cfa0"),
+    "tower": ("#ee8866", "#eedd88", "#ffaabb", "#eedd88", "#ffaabb", "#ee8866", "#eedd88", "#ee8866", "#eedd88",
+              "#ffaabb", "#eedd88", "#ee8866"),
+}  # fmt: skip
+"""Fill colours of the free parts in drawing order, mostly Paul Tol's light scheme: they stay apart in common colour
+blindness, and neighbours differ in lightness. Fixed parts are grey."""
 
 
 def mirrored(outline: Outline, axis_x: float = 0.0) -> Outline:
@@ -132,33 +142,36 @@ def leaning_tower(lean_deg: float, doorway: bool) -> Drawing:
 
     With a doorway the footing is two stones, which the middle stone of the lowest course bridges.
     """
-    width, course, bulge, overhang = 176.0, 56.0, 4.0, 10.0
-    cut = math.tan(math.radians(0.6 * lean_deg))
-    footing = 84.0
+    width, course, batter, bulge, overhang = 200.0, 40.0, 4.0, 3.0, 10.0
+    cut = math.tan(math.radians(0.35 * lean_deg))
+    footing = 120.0
 
     def bed(k: int, x: float) -> Point:
-        return x, footing + k * course + (cut * (x - width / 2) if k == 0 else 0.0)
+        """A point of the bed under course k + 1; the shaft gets narrower by the batter on either side."""
+        inside = min(max(x, k * batter), width - k * batter)
+        return inside, footing + k * course + (cut * (x - width / 2) if k == 0 else 0.0)
 
     def block(k: int, x0: float, x1: float) -> Outline:
         low_left, low_right, high_right, high_left = bed(k, x0), bed(k, x1), bed(k + 1, x1), bed(k + 1, x0)
-        right = [(width + bulge, 0.5 * (low_right[1] + high_right[1]), S)] if x1 == width else []
-        left = [(-bulge, 0.5 * (low_left[1] + high_left[1]), S)] if x0 == 0.0 else []
+        right = [(width - (k + 0.5) * batter + bulge, 0.5 * (low_right[1] + high_right[1]), S)] if x1 == width else []
+        left = [((k + 0.5) * batter - bulge, 0.5 * (low_left[1] + high_left[1]), S)] if x0 == 0.0 else []
         return [low_left, low_right, *right, high_right, high_left, *left]
 
-    # Stones on the leaning side are longer: a narrow one would tip out with all that stands on it.
-    thirds, quarters, parapet = (0.0, 0.33, 0.63, 1.0), (0.0, 0.2, 0.48, 0.78, 1.0), 0.48
+    # Flat stones and a low battlement: the higher a stone, the further it leans out over its own bed.
+    thirds, quarters, parapet = (0.0, 1 / 3, 2 / 3, 1.0), (0.0, 0.18, 0.5, 0.82, 1.0), 0.5
     parts: Drawing = {}
     for k, row in enumerate((thirds, quarters, thirds)):
         for n, (x0, x1) in reversed(list(enumerate(zip(row, row[1:])))):
             parts[f"course_{k + 1}_{n + 1}"] = block(k, x0 * width, x1 * width)
 
-    edge, low, high = width + overhang, bed(3, 0)[1], bed(4, 0)[1]
-    merlon, gap, tip = 0.15 * (width + 2 * overhang), 0.4 / 3 * (width + 2 * overhang), high + 26.0
+    wall, low, high = width - 3 * batter, bed(3, 0)[1], bed(4, 0)[1]
+    edge, breadth = wall + overhang, 2 * (wall + overhang) - width
+    merlon, gap, tip = 0.15 * breadth, 0.4 / 3 * breadth, high + 15.0
 
     def battlement(seam: float) -> Outline:
         """The right one of two stones that meet at x = seam, in the middle one of three gaps."""
         return [
-            (seam, low), (width, low), (width, low + 20), (edge, low + 32), (edge, tip), (edge - merlon, tip),
+            (seam, low), (wall, low), (wall, low + 14), (edge, low + 25), (edge, tip), (edge - merlon, tip),
             (edge - merlon, high), (edge - merlon - gap, high), (edge - merlon - gap, tip),
             (edge - 2 * merlon - gap, tip), (edge - 2 * merlon - gap, high), (seam, high),
         ]  # fmt: skip
@@ -183,16 +196,16 @@ def _footing(lean_deg: float, doorway: bool, width: float, left: Point, right: P
     x0, x1, y0 = foot_left[0] - 46, foot_right[0] + 46, ground - 24
     left_side: Outline = [top_left, foot_left, (x0, ground), (x0, y0)]
     right_side: Outline = [(x1, y0), (x1, ground), foot_right, top_right]
-    middle, jamb, slit = 0.48 * width, 20.0, 3.0
+    middle, jamb, slit = 0.5 * width, 22.0, 3.0
     tilt = (right[1] - left[1]) / width
 
     def door(side: float) -> Outline:
         """One side of the way in, from the crown of its arch down to the sill."""
-        spring = at_ground(middle)[1] + 34
-        arch = [(middle + side * 9, spring + 21, S), (middle + side * 17, spring + 12, S), (middle + side * jamb, spring)]
+        spring = at_ground(middle)[1] + 46
+        arch = [(middle + side * 10, spring + 24, S), (middle + side * 18, spring + 14, S), (middle + side * jamb, spring)]
         return turned([*arch, at_ground(middle + side * jamb)], lean_deg)
 
-    apex = (middle, at_ground(middle)[1] + 60)
+    apex = (middle, at_ground(middle)[1] + 76)
     door_left, door_right = door(-1.0), door(1.0)
     if not doorway:
         (tip,) = turned([apex], lean_deg)
@@ -316,23 +329,20 @@ def path_data(outline: Outline, height: float) -> str:
     return " ".join([*words, "Z"])
 
 
-def svg(title: str, drawing: Drawing, fixed: tuple[str, ...] = ()) -> str:
+def svg(name: str, drawing: Drawing) -> str:
     """Return the drawing as an SVG document in millimetres, one closed path per part."""
     drawing = exact(drawing)
-    width, height = (max(p[k] for o in drawing.values() for p in o) + 2 * MARGIN_MM for k in (0, 1))
-    width, height = math.ceil(width), math.ceil(height)
+    width, height = (math.ceil(max(p[k] for o in drawing.values() for p in o) + 2 * MARGIN_MM) for k in (0, 1))
+    palette = PALETTES["tower" if name.startswith("leaning_tower") else name]
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm" viewBox="0 0 {width} {height}">',
-        f"  <title>{title}</title>",
+        f"  <title>{name.replace('_', ' ')}</title>",
         '  <g stroke="#333333" stroke-width="0.6" stroke-linejoin="round">',
     ]
-    free = 0
-    for name, outline in drawing.items():
-        if name in FIXED_PARTS:
-            fill = FIXED
-        else:
-            fill, free = PALETTE[free % len(PALETTE)], free + 1
-        lines.append(f'    <path id="{name}" fill="{fill}" d="{path_data(outline, height)}"/>')
+    free = (part for part in drawing if part not in FIXED_PARTS)
+    fills = {part: palette[k % len(palette)] for k, part in enumerate(free)}
+    for part, outline in drawing.items():
+        lines.append(f'    <path id="{part}" fill="{fills.get(part, GREY)}" d="{path_data(outline, height)}"/>')
     return "\n".join([*lines, "  </g>", "</svg>", ""])
 
 
@@ -345,7 +355,7 @@ FIXED_PARTS = {
 def main(folder: Path) -> None:
     """Write every drawing to `folder`."""
     for name, draw in DRAWINGS.items():
-        (folder / f"{name}.svg").write_text(svg(name.replace("_", " "), draw()), encoding="utf-8")
+        (folder / f"{name}.svg").write_text(svg(name, draw()), encoding="utf-8")
 
 
 if __name__ == "__main__":
