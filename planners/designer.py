@@ -17,9 +17,10 @@ from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
 from mocca_robot.parts_graph import PartMotion, part_motions
+from planners.catalogue import fit, select
 from planners.energy import Loads
 from planners.kinematic import Impossible, bound, required_wrenches
-from planners.realization import Parameters, Polished, Problem, evaluate, fit, polish
+from planners.realization import Parameters, Polished, Problem, evaluate, polish
 from planners.shapes import Shapes
 from planners.shapes2d import Shapes2D
 
@@ -168,7 +169,7 @@ def _search(problem: Problem, start: Parameters, progress: Progress | None) -> t
         if best is None or rank < best[0]:
             best = (rank, shapes, polished)
         # The tilt margin is a wish: it is worth a second attempt, not all of them.
-        if rank[0] <= 1.0 and (rank[1] <= 1e-9 or label != "few joints"):
+        if rank[0] <= 1.0 and (rank[1] <= 1e-9 or label not in ("few joints", "selected joints")):
             break
     assert best is not None
     return best[1], best[2]
@@ -191,12 +192,16 @@ def _attempts(problem: Problem, start: Parameters) -> Iterator[tuple[str, Shapes
     required = required_wrenches(
         shapes.contacts, points, normals, np.where(allowed, prices, 0.0), allowed, loads, cases
     )
-    kinds = tuple(k for k in problem.shapes.options.kinds)
-    fitted, shape, curved = fit(shapes, required, start.axis, problem.pairs, problem.alpha_rad, kinds)
-    yield "few joints", fitted, Parameters(shape, start.lean, start.axis, curved)
+    fitted, first = fit(problem, required, start)
+    yield "few joints", fitted, first
+    planar_energy, _ = evaluate(problem, start)
+    hardest = np.sort(np.argsort(-planar_energy.infeasibility)[:8])
+    selected, second = select(problem, start, hardest)
+    yield "selected joints", selected, second
+    curved, shape, kinds = first.curved, first.shape, shapes.options.kinds
     every = shapes.can_curve
     resting = np.where(curved[:, None], shape, shapes.rest)
-    yield "all joints", fitted, Parameters(resting, start.lean, start.axis, every)
+    yield "all joints", fitted, Parameters(resting, first.lean, first.axis, every)
     for kind in kinds:
         for height in (-0.12, 0.12, -0.25, 0.25):
             family = shapes.with_kinds([kind] * len(shapes.contacts))

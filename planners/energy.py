@@ -56,8 +56,8 @@ class Loads:
         return cls(
             np.array([np.zeros(d) if c.gravity is None else c.gravity for c in cases]),
             raw / unit,
-            np.array([c.free for c in cases]),
-            present[:, pairs].all(axis=2),
+            np.array([c.free for c in cases], dtype=np.bool_),
+            np.asarray(present[:, pairs].all(axis=2)),
             about,
             length,
             unit,
@@ -84,7 +84,8 @@ class Loads:
             force = mass[None, :, None] * self.gravity[:, None]
             torque = cross(np.broadcast_to(first, force.shape), np.broadcast_to(self.gravity[:, None], force.shape))
             wrench = np.concatenate([force, torque / self.length], axis=2)
-            np.add.at(change, (slice(None), part), wrench)
+            for k in range(len(change)):
+                np.add.at(change[k], part, wrench[k])
         change[~self.free] = 0.0
         return change
 

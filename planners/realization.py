@@ -1,9 +1,7 @@
-"""Geometric realization: joint parameters under which every load case is in equilibrium (Eq. 15, 18).
+"""Geometric realization of all joints together, from a start that `planners.catalogue` chose (Eq. 15, 18).
 
-Two steps. `fit` works joint by joint, as in Eq. 18/19: among realisable shapes, take the shallowest whose cone of
-generalized normals comes nearest to the wrenches that kinematic design requires of the joint. `polish` works on
-all joints together: it follows the envelope gradient of E on the true geometry, with moving centroids, until
-every case holds, while the assemblability cone, slopes and clearances are kept as constraints.
+`polish` follows the envelope gradient of E on the true geometry, with moving centroids, until every case holds,
+while the assemblability cone, slopes and clearances are kept as constraints.
 """
 
 from __future__ import annotations
@@ -15,9 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from mocca_robot.assembly import Array, BoolArray, IntArray
-from mocca_robot.motion_cone import distance_to_cone, generalized_normals
 from planners.energy import EnergyResult, Loads, energy, local_power
-from planners.kinematic import Requirement
 from planners.shapes import Shapes
 
 
@@ -330,47 +326,3 @@ def _constraints(problem: Problem, parameters: Parameters, surface: Array) -> tu
         strict = np.sin(problem.alpha_rad) - np.einsum("erd,ed->er", normals, a)
         worst = max(worst, float(strict.max(initial=0.0)))
     return penalty, axis_gradient, worst
-
-
-def fit(
-    shapes: Shapes,
-    required: Requirement,
-    axis: Array,
-    pairs: IntArray,
-    alpha_rad: float | None,
-    kinds: tuple[str, ...],
-) -> tuple[Shapes, Array, BoolArray]:
-    """Return families, shapes (E, S) and which joints curve: for each joint the realisable shape that comes
-    nearest to its required wrenches (Eq. 18, 19), the shallowest among equals.
-
-    Joints that need no slope stay planar. Shapes that break the assemblability cone, the slope bound or their
-    room are left out.
-    """
-    catalogue = shapes.catalogue(kinds)
-    curved = (required.slope > 1e-4) & shapes.can_curve
-    lean = np.zeros((len(shapes.pair_normal), shapes.n_lean))
-    u = shapes.directions(lean)
-    best = np.full(len(pairs), np.inf)
-    chosen = np.zeros(len(pairs), dtype=np.int64)
-    for index, (kind, row) in enumerate(catalogue):
-        family = shapes.with_kinds([kind] * len(pairs))
-        rows = np.tile(row, (len(pairs), 1))
-        surface = family.surface(rows, u)
-        points, normals = family.rays(surface)
-        good = (np.einsum("erd,ed->er", normals, shapes.normals) >= np.cos(shapes.options.max_slope_rad)).all(axis=1)
-        good &= (family.violations(surface, rows) <= 0.0).all(axis=1)
-        if alpha_rad is not None:
-            good &= (np.einsum("erd,ed->er", normals, axis[pairs[:, 1]]) >= np.sin(alpha_rad)).all(axis=1)
-        for e in np.flatnonzero(curved & good):
-            rays = generalized_normals(points[e] - shapes.centres[e], normals[e], None, shapes.lengths[e])
-            wanted = required.wrenches[:, e]
-            size = np.linalg.norm(wanted, axis=1)
-            heavy = np.argsort(-size)[:6]
-            miss = sum(distance_to_cone(rays, wanted[k])[0] ** 2 for k in heavy if size[k] > 1e-9)
-            score = miss / max(float((size[heavy] ** 2).sum()), 1e-300) + 1e-3 * float((row[2:] ** 2).sum())
-            if score < best[e]:
-                best[e], chosen[e] = score, index
-    found = np.isfinite(best)
-    shape = np.array([catalogue[c][1] for c in chosen])
-    shape[~found, 2:] = 0.0
-    return shapes.with_kinds([catalogue[c][0] if f else "n" for c, f in zip(chosen, found)]), shape, curved

@@ -43,6 +43,10 @@ class Shapes(Protocol):
         """Return the shape (S,) of a planar joint."""
 
     @property
+    def rest_kind(self) -> Any:
+        """Return the family that planar joints are listed under."""
+
+    @property
     def normals(self) -> Array:
         """Return (E, d) contact normals."""
 

@@ -8,14 +8,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray, Polygon, read_only
+from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray, read_only
 from mocca_robot.contacts import Contact
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.joints.spline import SplineKind, polyline_joint, smallest_radius, spline_points
+from planners.clearance2d import Clearance2D, clearance_2d
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +38,11 @@ class Shapes2D:
     pair: IntArray
     pair_normal: Array
     options: JointOptions
+    clearance: Clearance2D
 
-    n_shape = 4
-    n_lean = 1
-    heights = (2, 3)
+    n_lean: ClassVar[int] = 1
+    rest_kind: ClassVar[SplineKind] = "n"
+    heights: ClassVar[tuple[int, ...]] = (2, 3)
     """Columns of `shape` that are heights: a joint with all of them zero is planar."""
 
     @classmethod
@@ -55,7 +58,9 @@ class Shapes2D:
         for q, p in enumerate(pairs):
             normals[q] = normals[q] / norms[q] if norms[q] > 1e-9 else first[p]
         pair = np.array([index[c.parts] for c in contacts])
-        return cls(assembly, tuple(contacts), ("n",) * len(contacts), pair, read_only(normals), options)
+        clearance = clearance_2d(assembly, contacts, options)
+        kinds: tuple[SplineKind, ...] = tuple(cls.rest_kind for _ in contacts)
+        return cls(assembly, tuple(contacts), kinds, pair, read_only(normals), options, clearance)
 
     @property
     def rest(self) -> Array:
@@ -121,11 +126,6 @@ class Shapes2D:
         area = 0.5 * cross.sum(axis=1)
         first = ((ring[:, :-1] + ring[:, 1:]) * cross[..., None]).sum(axis=1) / 6.0
         return area, first + area[:, None] * self.segments[:, 0]
-
-    @cached_property
-    def clearance(self) -> Clearance2D:
-        """Return how much room the parts leave for joints."""
-        return Clearance2D.of(self)
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the lower and upper bounds of one row of `shape`."""
@@ -200,92 +200,3 @@ class Shapes2D:
 
 def _cross2(a: Array, b: Array) -> float:
     return float(a[0] * b[1] - a[1] * b[0])
-
-
-@dataclass(frozen=True, eq=False)
-class Clearance2D:
-    """Room for joints inside the parts: boundary edges each joint must keep away from.
-
-    A joint's bump must stay `margin` away from every other edge of the part it goes into, and nearer to its own
-    contact than to any other contact of that part, so that joints can never meet whatever their parameters.
-
-    Attributes:
-        start, end: (E, 2, K, 2) obstacle edges for joint e on side 0 (inside P_i) and 1 (inside P_j), padded.
-        is_contact: (E, 2, K) whether the obstacle may itself become a joint.
-        margin: (E,) metres.
-    """
-
-    start: Array
-    end: Array
-    is_contact: BoolArray
-    margin: Array
-    origin: Array
-    normal: Array
-    length: Array
-
-    @classmethod
-    def of(cls, shapes: Shapes2D) -> Clearance2D:
-        """Return the obstacles of every joint of `shapes`."""
-        edges = [_boundary_pieces(shapes.assembly, shapes.contacts, p) for p in range(len(shapes.assembly.parts))]
-        most = max(len(e[0]) for e in edges)
-        count = len(shapes.contacts)
-        far = shapes.assembly.size * 1e3
-        start = np.full((count, 2, most, 2), far)
-        end = start + 1.0
-        is_contact = np.zeros((count, 2, most), dtype=np.bool_)
-        for e, contact in enumerate(shapes.contacts):
-            for side, part in enumerate(contact.parts):
-                a, b, owner = edges[part]
-                other = owner != e
-                k = int(other.sum())
-                start[e, side, :k], end[e, side, :k] = a[other], b[other]
-                is_contact[e, side, :k] = owner[other] >= 0
-        margin = np.maximum(shapes.options.margin * shapes.lengths, shapes.options.min_distance)
-        return cls(start, end, is_contact, margin, shapes.segments[:, 0], shapes.normals, shapes.lengths)
-
-    def violation(self, curves: Array) -> Array:
-        """Return (E, V) how far, m, curve points (E, V, 2) are beyond their room; ≤ 0 where all is well."""
-        offset = curves - self.origin[:, None]
-        height = np.einsum("evd,ed->ev", offset, self.normal)
-        tangent = np.stack([-self.normal[:, 1], self.normal[:, 0]], axis=1)
-        along = np.einsum("evd,ed->ev", offset, tangent)
-        beside = np.maximum(np.maximum(-along, along - self.length[:, None]), 0.0)
-        own = np.hypot(height, beside)
-        worst = np.full(height.shape, -np.inf)
-        for side, inside in ((0, height < 0), (1, height > 0)):
-            a, d = self.start[:, side, None], (self.end - self.start)[:, side, None]
-            t = np.einsum("evkd,evkd->evk", curves[:, :, None] - a, np.broadcast_to(d, (*d.shape[:1], 1, *d.shape[2:])))
-            t = np.clip(t / np.maximum((d**2).sum(axis=-1), 1e-300), 0.0, 1.0)
-            distance = np.linalg.norm(curves[:, :, None] - a - t[..., None] * d, axis=-1)
-            needed = self.margin[:, None, None] + np.where(self.is_contact[:, side, None], own[..., None], 0.0)
-            worst = np.where(inside, np.maximum(worst, (needed - distance).max(axis=-1)), worst)
-        flat = np.abs(height) <= 1e-6 * self.length[:, None]
-        return np.where(flat, -np.inf, worst)
-
-
-def _boundary_pieces(assembly: Assembly, contacts: Sequence[Contact], part: int) -> tuple[Array, Array, IntArray]:
-    """Return the boundary of a part cut at its contacts: starts, ends (K, 2) and the contact index or −1."""
-    shape = assembly.parts[part].shape
-    assert isinstance(shape, Polygon)
-    tolerance = 1e-4 * assembly.size
-    mine = [(e, c) for e, c in enumerate(contacts) if part in c.parts]
-    pieces: list[tuple[Array, Array, int]] = []
-    for ring in shape.rings:
-        for a, b in zip(ring, np.roll(ring, -1, axis=0)):
-            length = float(np.linalg.norm(b - a))
-            t = (b - a) / length
-            normal = np.array([t[1], -t[0]])
-            marks = [(0.0, 0.0, -1)]
-            for e, c in mine:
-                along, off = (c.polygon - a) @ t, np.abs((c.polygon - a) @ normal)
-                facing = float(c.normal @ normal) * (1 if c.parts[0] == part else -1)
-                within = along.min() > -tolerance and along.max() < length + tolerance
-                if off.max() < tolerance and facing > 0.9 and within:
-                    marks.append((float(along.min()), float(along.max()), e))
-            marks.sort()
-            for (_, left, _), (right, _, _) in zip(marks, [*marks[1:], (length, length, -1)]):
-                if right - left > tolerance:
-                    pieces.append((a + left * t, a + right * t, -1))
-            for left, right, e in marks[1:]:
-                pieces.append((a + left * t, a + right * t, e))
-    return np.array([p[0] for p in pieces]), np.array([p[1] for p in pieces]), np.array([p[2] for p in pieces])

@@ -53,20 +53,23 @@ class _Weld:
 
 
 def _with_curves(ring: Array, curves: Sequence[tuple[Array, Array]], weld: _Weld, gap: float) -> Array:
+    following = np.roll(ring, -1, axis=0)
+    length = np.linalg.norm(following - ring, axis=1)
+    t = (following - ring) / length[:, None]
+    outward = np.stack([t[:, 1], -t[:, 0]], axis=1)
+    on_edge: dict[int, list[tuple[float, Array]]] = {}
+    for segment, points in curves:
+        offset = segment[None] - ring[:, None]  # (edges, 2, 2)
+        along = np.einsum("esd,ed->es", offset, t)
+        off = np.abs(np.einsum("esd,ed->es", offset, outward)).max(axis=1)
+        forward = (along[:, 0] < along[:, 1]) & (along[:, 0] >= -gap) & (along[:, 1] <= length + gap)
+        for edge in np.flatnonzero(forward & (off <= gap)):
+            on_edge.setdefault(int(edge), []).append((float(along[edge, 0]), points))
+    corners = weld(ring)
     pieces: list[Array] = []
-    for start, end in zip(ring, np.roll(ring, -1, axis=0)):
-        edge = end - start
-        length = float(np.linalg.norm(edge))
-        t = edge / length
-        normal = np.array([t[1], -t[0]])
-        on_edge = []
-        for segment, points in curves:
-            along, off = (segment - start) @ t, np.abs((segment - start) @ normal)
-            if off.max() <= gap and along[0] < along[1] and along[0] >= -gap and along[1] <= length + gap:
-                on_edge.append((along[0], points))
-        pieces.append(weld(start[None]))
-        pieces.extend(points for _, points in sorted(on_edge, key=lambda item: float(item[0])))
-        pieces.append(weld(end[None]))
+    for edge in range(len(ring)):
+        pieces.append(corners[edge : edge + 1])
+        pieces.extend(points for _, points in sorted(on_edge.get(edge, ()), key=lambda item: item[0]))
     points = np.concatenate(pieces)
     repeated = (points == np.roll(points, 1, axis=0)).all(axis=1)
     return np.asarray(points[~repeated])
