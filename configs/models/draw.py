@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 Point = tuple[float, float]
@@ -65,16 +66,51 @@ def letter_m() -> Drawing:
 def scarecrow() -> Drawing:
     """A body on a pole; the head is a wedge between two arms that balance on sloping shoulders."""
     arm: Outline = [
-        (22, 250), (94, 232), (128, 225, S), (170, 220), (168, 208), (188, 220), (212, 206), (208, 226), (230, 238),
-        (208, 248), (214, 268), (190, 260), (170, 276), (172, 264), (132, 276, S), (108, 290, S), (86, 294),
+        (22, 250),
+        (94, 232),
+        (128, 225, S),
+        (170, 220),
+        (168, 208),
+        (188, 220),
+        (212, 206),
+        (208, 226),
+        (230, 238),
+        (208, 248),
+        (214, 268),
+        (190, 260),
+        (170, 276),
+        (172, 264),
+        (132, 276, S),
+        (108, 290, S),
+        (86, 294),
     ]
     right_side: Outline = [
-        (0, -30), (13, -4), (13, 84), (34, 66), (52, 84), (72, 62), (104, 80), (92, 130, S), (88, 190, S), (94, 232),
+        (0, -30),
+        (13, -4),
+        (13, 84),
+        (34, 66),
+        (52, 84),
+        (72, 62),
+        (104, 80),
+        (92, 130, S),
+        (88, 190, S),
+        (94, 232),
         (22, 250),
     ]
     face: Outline = [
-        (22, 250), (86, 294), (74, 306, S), (46, 304), (66, 330, S), (68, 356, S), (60, 378), (122, 370, S), (126, 382, S),
-        (62, 396), (58, 430, S), (34, 480), (16, 470, S),
+        (22, 250),
+        (86, 294),
+        (74, 306, S),
+        (46, 304),
+        (66, 330, S),
+        (68, 356, S),
+        (60, 378),
+        (122, 370, S),
+        (126, 382, S),
+        (62, 396),
+        (58, 430, S),
+        (34, 480),
+        (16, 470, S),
     ]
     return {
         "body": right_side + mirrored(right_side)[:-1],
@@ -121,7 +157,13 @@ def stack() -> Drawing:
     ground = bed(0, 46, 84, 7)
     twins = [bed(-50, 112, 32, 9), bed(52, 112, 30, -9)]
     lintel = [bed(-48, 162, 30, -8), bed(50, 162, 30, 8)]
-    upper = [bed(4, 218, 58, -10), bed(-3, 270, 50, 12), bed(4, 318, 42, -11), bed(-2, 360, 34, 12), bed(3, 398, 26, -10)]
+    upper = [
+        bed(4, 218, 58, -10),
+        bed(-3, 270, 50, 12),
+        bed(4, 318, 42, -11),
+        bed(-2, 360, 34, 12),
+        bed(3, 398, 26, -10),
+    ]
     crown = upper[-1]
     return {
         "ground": [(-190, 0), (190, 0), (160, 22, S), (120, 42, S), ground[1], ground[0], (-120, 34, S), (-160, 20, S)],
@@ -161,7 +203,7 @@ def leaning_tower(lean_deg: float, doorway: bool) -> Drawing:
     thirds, quarters, parapet = (0.0, 1 / 3, 2 / 3, 1.0), (0.0, 0.18, 0.5, 0.82, 1.0), 0.5
     parts: Drawing = {}
     for k, row in enumerate((thirds, quarters, thirds)):
-        for n, (x0, x1) in reversed(list(enumerate(zip(row, row[1:])))):
+        for n, (x0, x1) in reversed(list(enumerate(pairwise(row)))):
             parts[f"course_{k + 1}_{n + 1}"] = block(k, x0 * width, x1 * width)
 
     wall, low, high = width - 3 * batter, bed(3, 0)[1], bed(4, 0)[1]
@@ -186,7 +228,7 @@ def leaning_tower(lean_deg: float, doorway: bool) -> Drawing:
 def _footing(lean_deg: float, doorway: bool, width: float, left: Point, right: Point) -> Drawing:
     """The fixed stones: what the leaning shaft stands on, down to level ground."""
     slope = math.tan(math.radians(lean_deg))
-    ground = min(0.0, *(y for _, y in turned([(0.0, 0.0), (width, 0.0)], lean_deg)))  # type: ignore[misc]
+    ground = min(0.0, *(y for _, y in turned([(0.0, 0.0), (width, 0.0)], lean_deg)))
     cos = math.cos(math.radians(lean_deg))
 
     def at_ground(x: float) -> Point:
@@ -202,7 +244,11 @@ def _footing(lean_deg: float, doorway: bool, width: float, left: Point, right: P
     def door(side: float) -> Outline:
         """One side of the way in, from the crown of its arch down to the sill."""
         spring = at_ground(middle)[1] + 46
-        arch = [(middle + side * 10, spring + 24, S), (middle + side * 18, spring + 14, S), (middle + side * jamb, spring)]
+        arch = [
+            (middle + side * 10, spring + 24, S),
+            (middle + side * 18, spring + 14, S),
+            (middle + side * jamb, spring),
+        ]
         return turned([*arch, at_ground(middle + side * jamb)], lean_deg)
 
     apex = (middle, at_ground(middle)[1] + 76)
@@ -252,8 +298,9 @@ def deer() -> Drawing:
             (358, 392), (318, 402), (278, 402), (252, 416, S), (228, 414), (244, 392, S), (276, 380), (286, 366, S),
         ],
         "antler_hind": [
-            (278, 402), (318, 402), (318, 430), (308, 446, S), (304, 458), (324, 474, S), (332, 502), (312, 488, S), (296, 478),
-            (296, 504, S), (306, 536), (282, 510, S), (276, 466), (262, 470, S), (250, 488), (250, 462, S), (270, 436),
+            (278, 402), (318, 402), (318, 430), (308, 446, S), (304, 458), (324, 474, S), (332, 502), (312, 488, S),
+            (296, 478), (296, 504, S), (306, 536), (282, 510, S), (276, 466), (262, 470, S), (250, 488), (250, 462, S),
+            (270, 436),
         ],
         "antler_fore": [
             (318, 402), (358, 392), (358, 424), (376, 440, S), (384, 472), (368, 458, S), (354, 454), (358, 490, S),
@@ -335,7 +382,8 @@ def svg(name: str, drawing: Drawing) -> str:
     width, height = (math.ceil(max(p[k] for o in drawing.values() for p in o) + 2 * MARGIN_MM) for k in (0, 1))
     palette = PALETTES["tower" if name.startswith("leaning_tower") else name]
     lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm" viewBox="0 0 {width} {height}">',
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}mm" height="{height}mm" '
+        f'viewBox="0 0 {width} {height}">',
         f"  <title>{name.replace('_', ' ')}</title>",
         '  <g stroke="#333333" stroke-width="0.6" stroke-linejoin="round">',
     ]
