@@ -66,52 +66,17 @@ def letter_m() -> Drawing:
 def scarecrow() -> Drawing:
     """A body on a pole; the head is a wedge between two arms that balance on sloping shoulders."""
     arm: Outline = [
-        (22, 250),
-        (94, 232),
-        (128, 225, S),
-        (170, 220),
-        (168, 208),
-        (188, 220),
-        (212, 206),
-        (208, 226),
-        (230, 238),
-        (208, 248),
-        (214, 268),
-        (190, 260),
-        (170, 276),
-        (172, 264),
-        (132, 276, S),
-        (108, 290, S),
-        (86, 294),
-    ]
+        (22, 250), (94, 232), (128, 225, S), (170, 220), (168, 208), (188, 220), (212, 206), (208, 226), (230, 238),
+        (208, 248), (214, 268), (190, 260), (170, 276), (172, 264), (132, 276, S), (108, 290, S), (86, 294),
+    ]  # fmt: skip
     right_side: Outline = [
-        (0, -30),
-        (13, -4),
-        (13, 84),
-        (34, 66),
-        (52, 84),
-        (72, 62),
-        (104, 80),
-        (92, 130, S),
-        (88, 190, S),
-        (94, 232),
+        (0, -30), (13, -4), (13, 84), (34, 66), (52, 84), (72, 62), (104, 80), (92, 130, S), (88, 190, S), (94, 232),
         (22, 250),
-    ]
+    ]  # fmt: skip
     face: Outline = [
-        (22, 250),
-        (86, 294),
-        (74, 306, S),
-        (46, 304),
-        (66, 330, S),
-        (68, 356, S),
-        (60, 378),
-        (122, 370, S),
-        (126, 382, S),
-        (62, 396),
-        (58, 430, S),
-        (34, 480),
-        (16, 470, S),
-    ]
+        (22, 250), (86, 294), (74, 306, S), (46, 304), (66, 330, S), (68, 356, S), (60, 378), (122, 370, S),
+        (126, 382, S), (62, 396), (58, 430, S), (34, 480), (16, 470, S),
+    ]  # fmt: skip
     return {
         "body": right_side + mirrored(right_side)[:-1],
         "arm_left": mirrored(arm),
@@ -142,10 +107,8 @@ def stack() -> Drawing:
         return (x - dx, y - dy), (x + dx, y + dy)
 
     def stone(beds_below: list[tuple[Point, Point]], beds_above: list[tuple[Point, Point]], bulge: float) -> Outline:
-        (left, right), (top_left, top_right) = (
-            (beds_below[0][0], beds_below[-1][1]),
-            (beds_above[0][0], beds_above[-1][1]),
-        )
+        left, right = beds_below[0][0], beds_below[-1][1]
+        top_left, top_right = beds_above[0][0], beds_above[-1][1]
         height = 0.5 * (top_left[1] + top_right[1] - left[1] - right[1])
         out_right, out_left = max(right[0], top_right[0]) + bulge, min(left[0], top_left[0]) - bulge
         up = [p for bed in beds_below for p in bed]
@@ -157,25 +120,17 @@ def stack() -> Drawing:
     ground = bed(0, 46, 84, 7)
     twins = [bed(-50, 112, 32, 9), bed(52, 112, 30, -9)]
     lintel = [bed(-48, 162, 30, -8), bed(50, 162, 30, 8)]
-    upper = [
-        bed(4, 218, 58, -10),
-        bed(-3, 270, 50, 12),
-        bed(4, 318, 42, -11),
-        bed(-2, 360, 34, 12),
-        bed(3, 398, 26, -10),
-    ]
-    crown = upper[-1]
+    heights = [(4, 218, 58, -10), (-3, 270, 50, 12), (4, 318, 42, -11), (-2, 360, 34, 12), (3, 398, 26, -10)]
+    upper = [bed(*height) for height in heights]
+    cobbles = {f"cobble_{k}": stone([low], [high], 14) for k, (low, high) in enumerate(pairwise(upper), start=1)}
     return {
         "ground": [(-190, 0), (190, 0), (160, 22, S), (120, 42, S), ground[1], ground[0], (-120, 34, S), (-160, 20, S)],
         "boulder": stone([ground], twins, 22),
         "twin_left": stone([twins[0]], [lintel[0]], 8),
         "twin_right": stone([twins[1]], [lintel[1]], 8),
         "slab": stone(lintel, [upper[0]], 18),
-        **{
-            name: stone([below], [above], 14)
-            for name, below, above in zip(("cobble_1", "cobble_2", "cobble_3", "cobble_4"), upper, upper[1:])
-        },
-        "pebble": [*crown, (34, 412, S), (22, 434, S), (0, 442, S), (-20, 436, S), (-32, 418, S)],
+        **cobbles,
+        "pebble": [*upper[-1], (34, 412, S), (22, 434, S), (0, 442, S), (-20, 436, S), (-32, 418, S)],
     }
 
 
@@ -359,7 +314,7 @@ def path_data(outline: Outline, height: float) -> str:
     ring = [*outline[first:], *outline[:first], outline[first]]
 
     def text(x: float, y: float) -> str:
-        return f"{round(x + MARGIN_MM, DIGITS)} {round(height - MARGIN_MM - y, DIGITS)}".replace("-0 ", "0 ")
+        return f"{round(x + MARGIN_MM, DIGITS)} {round(height - MARGIN_MM - y, DIGITS)}"
 
     words = [f"M {text(*ring[0][:2])}"]
     for k in range(1, len(ring)):
