@@ -1,0 +1,102 @@
+"use strict";
+// Layer toggles, the load-case picker and the sequence player. Drawing is done by listeners of "sequence.draw".
+const sequence = { value: 0, count: 0, listeners: [], draw() { for (const f of this.listeners) f(this.value); } };
+(() => {
+  const all = (selector, root = document) => Array.from(root.querySelectorAll(selector));
+  const byId = (id) => document.getElementById(id);
+
+  for (const box of all(".toggle")) {
+    box.addEventListener("change", () => byId("pictures").classList.toggle("off-" + box.dataset.layer, !box.checked));
+  }
+  const picker = byId("case");
+  if (picker) {
+    picker.addEventListener("change", () => {
+      for (const el of all("#pictures [data-case]")) el.style.display = el.dataset.case === picker.value ? "" : "none";
+    });
+  }
+
+  const data = byId("steps");
+  if (!data) return;
+  const steps = JSON.parse(data.textContent);
+  const slider = byId("time"), play = byId("play"), panel = byId("verdict");
+  sequence.count = steps.length - 1;
+  sequence.value = sequence.count;
+  let target = null, playing = false, before = 0;
+
+  const pieces = all("#stage2d .piece"), fails = all("#stage2d .fails");
+  if (pieces.length) {
+    sequence.listeners.push((value) => {
+      for (const piece of pieces) {
+        if (piece.dataset.step === undefined) continue;
+        const done = Math.min(1, value - Number(piece.dataset.step));
+        const far = done > 0 ? (1 - done) ** 2 : 1;
+        piece.style.display = done > 0 ? "" : "none";
+        piece.setAttribute("transform", `translate(${piece.dataset.dx * far} ${piece.dataset.dy * far})`);
+      }
+      for (const f of fails) f.style.display = Number(f.dataset.step) === value ? "" : "none";
+    });
+  }
+  let shown = -1;
+  sequence.listeners.push((value) => {
+    const step = Math.ceil(value - 1e-9);
+    slider.value = value;
+    slider.setAttribute("aria-valuetext", steps[step].title);
+    byId("count").textContent = `${step} of ${sequence.count}`;
+    if (step === shown) return;
+    shown = step;
+    panel.replaceChildren();
+    const head = document.createElement("h3");
+    head.textContent = steps[step].title;
+    const body = document.createElement("div");
+    body.innerHTML = steps[step].html;  // markup made and escaped when the report was written
+    panel.append(head, body);
+    for (const row of all(".steps tbody tr")) {
+      const mine = Number(row.querySelector(".step").dataset.step) === step;
+      if (mine) row.setAttribute("aria-current", "step"); else row.removeAttribute("aria-current");
+    }
+  });
+
+  const set = (value) => { sequence.value = Math.max(0, Math.min(sequence.count, value)); sequence.draw(); };
+  const stop = () => { playing = false; target = null; play.textContent = "▶ Play"; };
+  const frame = (now) => {
+    const dt = Math.min(0.05, (now - before) / 1000);
+    before = now;
+    if (target === null) return;
+    const next = Math.min(target, sequence.value + dt * 1.1);
+    set(next);
+    if (next < target) { requestAnimationFrame(frame); return; }
+    if (playing && target < sequence.count) {
+      const token = (target += 1);
+      setTimeout(() => { if (playing && target === token) { before = performance.now(); requestAnimationFrame(frame); } }, 450);
+    } else stop();
+  };
+  const moveTo = (value) => {
+    if (matchMedia("(prefers-reduced-motion: reduce)").matches) { set(value); stop(); return; }
+    target = Math.min(sequence.count, value);
+    before = performance.now();
+    requestAnimationFrame(frame);
+  };
+  play.addEventListener("click", () => {
+    if (playing) { stop(); return; }
+    if (sequence.value >= sequence.count) set(0);
+    playing = true;
+    play.textContent = "❚❚ Pause";
+    moveTo(Math.floor(sequence.value + 1e-9) + 1);
+  });
+  byId("forward").addEventListener("click", () => { const v = Math.floor(sequence.value + 1e-9) + 1; stop(); moveTo(v); });
+  byId("back").addEventListener("click", () => { stop(); set(Math.ceil(sequence.value - 1e-9) - 1); });
+  slider.addEventListener("input", () => { stop(); set(Number(slider.value)); });
+  for (const button of all(".step")) {
+    button.addEventListener("click", () => {
+      stop();
+      const v = Number(button.dataset.step);
+      set(v - 1);
+      moveTo(v);
+      byId("sequence").scrollIntoView();
+    });
+  }
+  // A link such as report.html#step=3 opens at that step.
+  const asked = /^#step=([\d.]+)$/.exec(location.hash);
+  set(asked ? Number(asked[1]) : sequence.count);
+  if (asked) byId("sequence").scrollIntoView();
+})();

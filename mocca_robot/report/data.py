@@ -1,0 +1,120 @@
+"""All that a report shows, gathered before a line of it is written."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import metadata
+from typing import Any, TypeAlias
+
+from mocca_robot.contacts import Contact
+from mocca_robot.design import Design
+from mocca_robot.loads import state_cases, tilt_azimuths
+from mocca_robot.verify import CaseVerdict, Verification, critical_tilt, solve_case, verify
+
+Simulation: TypeAlias = Mapping[str, Any]
+"""The parsed simulation.json: see docs; unknown keys are ignored."""
+
+ENGINES = ("mocca-robot", "numpy", "scipy", "shapely", "mujoco", "clarabel", "piqp", "daqp", "osqp")
+
+
+@dataclass(frozen=True)
+class Tilt:
+    """Critical tilt towards one azimuth by statics, radians; `before_rad` is that of the input."""
+
+    azimuth_rad: float
+    after_rad: float
+    before_rad: float | None = None
+    friction: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ReportData:
+    """What a report is made from.
+
+    Attributes:
+        design: the input, the result, its joints and insertion directions.
+        before, after: verdicts on the input and on the result, each from its own geometry.
+        states: the result's intermediate assemblies, one per free part in assembly order.
+        tilts: critical tilts by statics.
+        simulation: the parsed simulation.json; None when nothing was simulated.
+        parameters: what the run was asked for.
+        versions: of the programs that computed it.
+        warnings: what a reader should know besides `design.notes`.
+    """
+
+    design: Design
+    before: Verification
+    after: Verification
+    states: tuple[CaseVerdict, ...]
+    tilts: tuple[Tilt, ...] = ()
+    simulation: Simulation | None = None
+    parameters: Mapping[str, object] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+
+def collect(
+    design: Design,
+    *,
+    before: Verification | None = None,
+    after: Verification | None = None,
+    states: Sequence[CaseVerdict] | None = None,
+    tilts: Sequence[Tilt] | None = None,
+    azimuths: int = 8,
+    simulation: Simulation | None = None,
+    parameters: Mapping[str, object] | None = None,
+    versions: Mapping[str, str] | None = None,
+    warnings: Sequence[str] = (),
+    friction: float = 0.0,
+) -> ReportData:
+    """Return the report data of `design`, computing by statics whatever is not handed in.
+
+    `tilts=()` leaves the critical tilts out; by default they are found towards `azimuths` directions (two in 2D).
+    """
+    directions = {i.part: i.direction for i in design.insertion}
+    before = before or verify(design.source, friction=friction)
+    after = after or verify(design.assembly, friction=friction, directions=directions)
+    if states is None:
+        cases = state_cases(design.assembly)
+        states = [solve_case(design.assembly, after.contacts, case, friction) for case in cases]
+    if tilts is None:
+        tilts = statics_tilts(design, before.contacts, after.contacts, azimuths, friction)
+    return ReportData(
+        design,
+        before,
+        after,
+        tuple(states),
+        tuple(tilts),
+        simulation,
+        dict(parameters or {}),
+        dict(versions) if versions is not None else installed_versions(),
+        tuple(warnings),
+    )
+
+
+def statics_tilts(
+    design: Design, before: Sequence[Contact], after: Sequence[Contact], azimuths: int = 8, friction: float = 0.0
+) -> tuple[Tilt, ...]:
+    """Return the critical tilt of the input and of the result towards each azimuth."""
+    return tuple(
+        Tilt(
+            float(azimuth),
+            critical_tilt(design.assembly, after, float(azimuth), friction),
+            critical_tilt(design.source, before, float(azimuth), friction),
+            friction,
+        )
+        for azimuth in tilt_azimuths(design.assembly.dimension, azimuths)
+    )
+
+
+def installed_versions(names: Sequence[str] = ENGINES) -> dict[str, str]:
+    """Return the installed version of each distribution in `names` that is present, and Python's."""
+    found = {"python": platform.python_version()}
+    for name in names:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found

@@ -1,0 +1,133 @@
+"""What statics and physics say, side by side: per state, per tilt, per insertion, and where they disagree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mocca_robot.assembly import SupportFree
+from mocca_robot.report.data import ReportData
+from mocca_robot.verify import CaseVerdict
+
+TILT_AGREEMENT_DEG = {2: 0.5, 3: 1.5}
+"""Critical tilts further apart than this disagree: rigid facets against slightly soft ones explain less."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """One state of the sequence: the assembly just after `part` was placed.
+
+    `statics` and `physics` are the verdicts (None = not known), `moving` the parts that move by either.
+    """
+
+    part: str
+    statics: bool | None
+    physics: bool | None
+    moving: tuple[str, ...]
+    verdict: CaseVerdict | None
+    needs_support: bool
+
+    @property
+    def agree(self) -> bool | None:
+        """Return whether both say the same; None when one is silent."""
+        return None if self.statics is None or self.physics is None else self.statics == self.physics
+
+
+def states(data: ReportData) -> tuple[State, ...]:
+    """Return one entry per free part, in assembly order."""
+    assembly = data.design.assembly
+    asked = any(isinstance(g, SupportFree) for g in assembly.goals)
+    by_name = {v.case.name: v for v in data.states}
+    simulated = {str(s.get("placed")): s for s in entries(data, "states")}
+    found = []
+    for k, part in enumerate(assembly.parts):
+        if part.fixed:
+            continue
+        verdict = by_name.get(f"state_{part.name}")
+        physics = simulated.get(part.name, {})
+        statics = decided(verdict) if verdict else _flag(physics.get("statics_stable"))
+        stable = _flag(physics.get("stable"))
+        names = set(verdict.moving if verdict else ()) | {str(m) for m in physics.get("moved", [])}
+        moving = tuple(n for n in assembly.sequence if n in names)
+        last = k == len(assembly.parts) - 1
+        falls = statics is False or stable is False
+        found.append(State(part.name, statics, stable, moving, verdict, falls and not asked and not last))
+    return tuple(found)
+
+
+def decided(verdict: CaseVerdict) -> bool | None:
+    """Return whether the case stands; None when the solver was too inaccurate to say."""
+    return None if verdict.result.status == "inaccurate" else verdict.result.stands
+
+
+def entries(data: ReportData, key: str) -> list[Mapping[str, Any]]:
+    """Return the list `key` of simulation.json, empty when there is none."""
+    found = (data.simulation or {}).get(key) or []
+    return [e for e in found if isinstance(e, Mapping)]
+
+
+def disagreements(data: ReportData) -> tuple[str, ...]:
+    """Return every contradiction between statics, physics and the design's own claims, one sentence each."""
+    found: list[str] = []
+    for state in states(data):
+        if state.agree is False:
+            says = "stands" if state.statics else "falls"
+            other = "stands" if state.physics else "falls"
+            found.append(f"After placing '{state.part}' the assembly {says} by statics and {other} in MuJoCo.")
+    limit = TILT_AGREEMENT_DEG[data.design.assembly.dimension]
+    for entry in entries(data, "tilt"):
+        measured, expected = entry.get("critical_deg"), _statics_tilt(data, entry)
+        if measured is None or expected is None or abs(measured - expected) <= limit:
+            continue
+        found.append(
+            f"Critical tilt towards {float(entry.get('azimuth_deg', 0)):.0f}° (friction "
+            f"{float(entry.get('friction', 0) or 0):g}): {expected:.2f}° by statics, {measured:.2f}° in MuJoCo; "
+            f"more than {limit:g}° apart."
+        )
+    assemblable = {i.part: i.assemblable for i in data.after.insertions}
+    for entry in entries(data, "insertion"):
+        part, inside, outside = str(entry.get("part")), entry.get("inside") or {}, entry.get("outside") or {}
+        failed = int(inside.get("trials", 0)) - int(inside.get("succeeded", 0))
+        if failed > 0 and assemblable.get(part, False):
+            found.append(f"'{part}' jams in MuJoCo in {failed} of {inside['trials']} trials inside its cone.")
+        if int(outside.get("succeeded", 0)) > 0:
+            found.append(f"'{part}' goes in along {outside['succeeded']} directions that geometry says are blocked.")
+    verified = {c.case.name: c for c in data.after.cases}
+    for case in data.design.load_cases:
+        mine = verified.get(case.name)
+        if mine is not None and case.infeasibility_after < 1e-12 and decided(mine) is False:
+            found.append(f"The design claims equilibrium for '{case.name}'; the built geometry does not hold it.")
+    return tuple(found)
+
+
+def tilt_gaps(data: ReportData) -> tuple[float, ...]:
+    """Return |statics − MuJoCo| in degrees for every critical tilt that both know."""
+    pairs = [(e.get("critical_deg"), _statics_tilt(data, e)) for e in entries(data, "tilt")]
+    return tuple(abs(a - b) for a, b in pairs if a is not None and b is not None)
+
+
+def _statics_tilt(data: ReportData, entry: Mapping[str, Any]) -> float | None:
+    """Return statics' critical tilt in degrees for an entry of simulation.json: the report's own, or the entry's."""
+    azimuth, friction = float(entry.get("azimuth_deg") or 0.0), float(entry.get("friction") or 0.0)
+    for tilt in data.tilts:
+        if abs(np.rad2deg(tilt.azimuth_rad) - azimuth) < 1e-3 and abs(tilt.friction - friction) < 1e-9:
+            return float(np.rad2deg(tilt.after_rad))
+    told = entry.get("statics_deg")
+    return None if told is None else float(told)
+
+
+def smallest_tilt(data: ReportData) -> tuple[float, float, str] | None:
+    """Return (tilt, azimuth, source) of the smallest frictionless critical tilt, radians; None when unknown."""
+    known = [(t.after_rad, t.azimuth_rad, "statics") for t in data.tilts if t.friction == 0.0]
+    for entry in entries(data, "tilt"):
+        if entry.get("critical_deg") is not None and not entry.get("friction"):
+            azimuth = np.deg2rad(float(entry.get("azimuth_deg", 0.0)))
+            known.append((float(np.deg2rad(entry["critical_deg"])), float(azimuth), "MuJoCo"))
+    return min(known, default=None)
+
+
+def _flag(value: object) -> bool | None:
+    return None if value is None else bool(value)

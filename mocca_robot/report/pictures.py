@@ -1,0 +1,126 @@
+"""One picture of an assembly, flat or solid, with the layers a panel asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mocca_robot.assembly import Array, Assembly
+from mocca_robot.contacts import Contact
+from mocca_robot.design import Insertion
+from mocca_robot.joints.joint import Joint
+from mocca_robot.report import drawing2d, drawing3d
+from mocca_robot.report.drawing2d import View
+from mocca_robot.report.markup import esc
+from mocca_robot.verify import CaseVerdict
+
+HATCH = (
+    '<pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'
+    '<rect class="hatch-bg" width="6" height="6"/><line class="hatch-line" x1="0" y1="0" x2="0" y2="6"/></pattern>'
+)
+PAGE_DEFS = (
+    f'<svg xmlns="http://www.w3.org/2000/svg" width="0" height="0" style="position:absolute" aria-hidden="true">'
+    f"<defs>{HATCH}</defs></svg>"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What a panel draws.
+
+    Attributes:
+        assembly, contacts: the geometry; contacts order the painting of solids and place the forces.
+        colours: index per part, see `palette.part_colours`.
+        cases: load cases whose forces (where it stands) or collapse motion (where not) are drawn; each in a group
+            `data-case`, the first one visible.
+        joints: drawn as curves in 2D.
+        insertions: drawn as cones in 2D.
+        names: whether the parts' names are drawn (2D).
+    """
+
+    assembly: Assembly
+    contacts: Sequence[Contact]
+    colours: Sequence[int]
+    cases: Sequence[CaseVerdict] = ()
+    joints: Sequence[Joint] = ()
+    insertions: Sequence[Insertion] = ()
+    names: bool = True
+
+
+def shared_view(assemblies: Sequence[Assembly], size_px: float = 460.0) -> View:
+    """Return a view in which all `assemblies` (of one dimension) appear at the same scale and place."""
+    points = np.concatenate([drawing2d.corners(a) for a in assemblies])
+    if points.shape[1] == 3:
+        points = points @ drawing3d.camera()[:2].T
+    return drawing2d.view_of(points, size_px)
+
+
+def draw(picture: Picture, view: View, label: str, style: str = "") -> str:
+    """Return the picture as an SVG element; `style` goes inside, for figures that stand alone."""
+    flat = picture.assembly.dimension == 2
+    layers = [_solid(picture, view)] if not flat else [_flat(picture, view)]
+    for number, verdict in enumerate(picture.cases):
+        shown = "" if number == 0 else ' style="display:none"'
+        layers.append(f'<g data-case="{esc(verdict.case.name)}"{shown}>{_case(picture, verdict, view)}</g>')
+    if flat and picture.names:
+        layers.append(drawing2d.names_layer(picture.assembly, view))
+    return view.svg("\n".join(layers), label, "drawing", style)
+
+
+def _flat(picture: Picture, view: View) -> str:
+    layers = [drawing2d.parts_layer(picture.assembly, picture.colours, view)]
+    if picture.joints:
+        layers.append(drawing2d.joints_layer(picture.assembly, picture.joints, view))
+    if picture.insertions:
+        layers.append(drawing2d.cones_layer(picture.assembly, picture.contacts, picture.insertions, view))
+    return "\n".join(layers)
+
+
+def _solid(picture: Picture, view: View) -> str:
+    return drawing3d.solids_layer(picture.assembly, picture.contacts, picture.colours, drawing3d.camera(), view)
+
+
+def _case(picture: Picture, verdict: CaseVerdict, view: View) -> str:
+    if verdict.moving:
+        if picture.assembly.dimension == 2:
+            return drawing2d.collapse_layer(picture.assembly, verdict, view)
+        return drawing3d.collapse_layer_3d(picture.assembly, verdict, drawing3d.camera(), view)
+    if picture.assembly.dimension == 2 and verdict.result.stands:
+        return drawing2d.forces_layer(picture.assembly, picture.contacts, verdict, view)
+    return ""
+
+
+def joint_shape(joint: Joint) -> tuple[float, float]:
+    """Return the joint's steepest slope against its contact (radians) and its smallest radius of curvature (m).
+
+    Both are read off the facets: the radius of the circle through three neighbouring points in 2D, in 3D the
+    distance of two neighbouring facets' centres over the angle between them. Infinite where nothing bends.
+    """
+    normals = joint.facet_normals
+    slope = float(np.arccos(np.clip(normals @ joint.contact.normal, -1.0, 1.0)).max())
+    if joint.is_planar or len(normals) < 2:
+        return (0.0 if joint.is_planar else slope), float("inf")
+    if joint.vertices.shape[1] == 2:
+        return slope, _circumradius(joint.vertices)
+    edges: dict[tuple[int, int], list[int]] = {}
+    for face, (a, b, c) in enumerate(joint.facets):
+        for edge in ((a, b), (b, c), (c, a)):
+            edges.setdefault((int(min(edge)), int(max(edge))), []).append(face)
+    pairs = np.array([f for f in edges.values() if len(f) == 2]).reshape(-1, 2)
+    centres = joint.vertices[joint.facets].mean(axis=1)
+    distance = np.linalg.norm(centres[pairs[:, 0]] - centres[pairs[:, 1]], axis=1)
+    cosine = np.einsum("ij,ij->i", normals[pairs[:, 0]], normals[pairs[:, 1]])
+    angle = np.arccos(np.clip(cosine, -1.0, 1.0))
+    bent = angle > 1e-4
+    return slope, float((distance[bent] / angle[bent]).min(initial=np.inf))
+
+
+def _circumradius(points: Array) -> float:
+    a, b, c = points[:-2], points[1:-1], points[2:]
+    u, v = b - a, c - a
+    doubled = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+    product = np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1) * np.linalg.norm(c - b, axis=1)
+    bent = doubled > 1e-9 * np.linalg.norm(v, axis=1) ** 2
+    return float((product[bent] / (2.0 * doubled[bent])).min(initial=np.inf))

@@ -1,0 +1,308 @@
+"""The report's sections from pictures to provenance; each returns markup, or nothing when it has nothing to say."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mocca_robot.assembly import Array
+from mocca_robot.report import pictures
+from mocca_robot.report.cone_plots import direction_map, joint_section
+from mocca_robot.report.data import ReportData
+from mocca_robot.report.drawing2d import way_out_normals
+from mocca_robot.report.findings import decided, entries
+from mocca_robot.report.markup import badge, degrees, esc, listed, millimetres, significant, table
+from mocca_robot.report.palette import fills, part_colours
+from mocca_robot.report.pictures import Picture
+from mocca_robot.report.summary import asked_tilt, case_words
+from mocca_robot.report.tilt_plots import TiltSeries, tilt_plot
+from mocca_robot.verify import CaseVerdict
+
+LAYERS = (("names", "names"), ("joints", "joints"), ("forces", "contact forces"), ("collapse", "collapse motion"))
+
+
+def section(identity: str, title: str, body: str) -> str:
+    """Return a titled section that the navigation can point to."""
+    return f'<section id="{identity}"><h2>{esc(title)}</h2>{body}</section>'
+
+
+def side_by_side(data: ReportData) -> str:
+    """Return input and result drawn at one scale, in 2D a third panel with the motion cones."""
+    source, built = data.design.source, data.design.assembly
+    flat = built.dimension == 2
+    colours = part_colours(built, data.after.contacts)
+    view = pictures.shared_view([source, built])
+    before = Picture(source, data.before.contacts, colours, data.before.cases)
+    joints = data.design.joints if flat else ()
+    after = Picture(built, data.after.contacts, colours, data.after.cases, joints)
+    panels = [
+        _panel(pictures.draw(before, view, f"{source.name} as handed in"), "Input", data.before.cases),
+        _panel(pictures.draw(after, view, f"{built.name} with joints"), "Result", data.after.cases),
+    ]
+    if flat and data.design.insertion:
+        cones = Picture(built, data.after.contacts, colours, insertions=data.design.insertion, names=False)
+        words = (
+            "<b>Ways in.</b> Pale wedge: every direction in which the part could leave what was placed before it "
+            "(its motion cone). Blue wedge: the cone asked for. Arrow: how the part goes in."
+        )
+        drawn = pictures.draw(cones, view, f"Motion cones of {built.name}")
+        panels.append(f"<figure>{drawn}<figcaption>{words}</figcaption></figure>")
+    return section("pictures", "Input and result", f'{_controls(data)}<div class="figures">{"".join(panels)}</div>')
+
+
+def _controls(data: ReportData) -> str:
+    names = dict.fromkeys(c.case.name for c in (*data.after.cases, *data.before.cases))
+    options = "".join(f'<option value="{esc(n)}">{esc(case_words(n))}</option>' for n in names)
+    picker = f'<label>load case <select id="case">{options}</select></label>' if len(names) > 1 else ""
+    shown = LAYERS if data.design.assembly.dimension == 2 else LAYERS[-1:]
+    boxes = "".join(
+        f'<label><input type="checkbox" class="toggle" data-layer="{key}" checked="checked"/>{words}</label>'
+        for key, words in shown
+    )
+    return f'<div class="controls needs-script">{picker}{boxes}</div>'
+
+
+def _panel(drawing: str, title: str, cases: tuple[CaseVerdict, ...]) -> str:
+    said = []
+    for number, verdict in enumerate(cases):
+        hidden = "" if number == 0 else ' style="display:none"'
+        if verdict.result.stands:
+            words = "Arrows: contact forces on the later part of each pair, length ∝ √force."
+        else:
+            words = f"Dashed: how it would start to move. Moving: {listed(verdict.moving, 6)}."
+        name = f"{case_mark(verdict)} {esc(case_words(verdict.case.name))}"
+        said.append(f'<span data-case="{esc(verdict.case.name)}"{hidden}>{name}. {words}</span>')
+    return f"<figure>{drawing}<figcaption><b>{esc(title)}.</b> {''.join(said)}</figcaption></figure>"
+
+
+def case_mark(verdict: CaseVerdict) -> str:
+    """Return the badge of a load case's verdict."""
+    stands = decided(verdict)
+    if stands is None:
+        return badge("warn", "inaccurate")
+    return badge("ok", "stands") if stands else badge("bad", "falls")
+
+
+def load_cases(data: ReportData) -> str:
+    """Return every load case with E before and after, its verdicts, and who moves."""
+    before = {c.case.name: c for c in data.before.cases}
+    after = {c.case.name: c for c in data.after.cases}
+    claimed = {c.name: c for c in data.design.load_cases}
+    rows = []
+    for name in dict.fromkeys([*after, *before, *claimed]):
+        row = [esc(case_words(name))]
+        for side, claim in ((before, "infeasibility_before"), (after, "infeasibility_after")):
+            verdict = side.get(name)
+            if verdict is not None:
+                row += [_infeasibility(verdict.result.infeasibility), case_mark(verdict)]
+            elif name in claimed:
+                row += [f"{significant(getattr(claimed[name], claim), 3)} (as designed)", badge("none", "not re-checked")]
+            else:
+                row += ["–", badge("none", "–")]
+        moving = after[name].moving if name in after else ()
+        first = before[name].moving if name in before else ()
+        who = f"result: {listed(moving)}" if moving else (f"input: {listed(first)}" if first else "nothing")
+        rows.append([*row, who])
+    head = ("Load case", "E before", "Input", "E after", "Result", "Who moves")
+    words = (
+        "<p>E is the part of the load that contact forces cannot balance, squared, relative to the load: 0 is "
+        "equilibrium, ½ means that nothing is held. Both sides are computed from geometry alone.</p>"
+    )
+    return section("cases", "Load cases", words + table(head, rows, caption="Equilibrium by statics", numeric=(1, 3)))
+
+
+def _infeasibility(value: float) -> str:
+    return "< 10⁻¹⁵" if 0.0 < value < 1e-15 else significant(value, 3)
+
+
+def tilt(data: ReportData) -> str:
+    """Return the critical tilt by statics beside MuJoCo's, one plot per friction coefficient, and their table."""
+    simulated = entries(data, "tilt")
+    if not data.tilts and not simulated:
+        return ""
+    dimension = data.design.assembly.dimension
+    frictions = sorted({t.friction for t in data.tilts} | {float(t.get("friction") or 0.0) for t in simulated})
+    figures, rows = [], []
+    for mu in frictions:
+        mine = [t for t in data.tilts if t.friction == mu]
+        theirs = [t for t in simulated if float(t.get("friction") or 0.0) == mu]
+        series = []
+        known = {round(float(np.rad2deg(t.azimuth_rad)), 6): t for t in mine}
+        statics = {a: float(np.rad2deg(t.after_rad)) for a, t in known.items()}
+        physics: dict[float, float] = {}
+        for entry in theirs:
+            azimuth = round(float(entry.get("azimuth_deg") or 0.0), 6)
+            if entry.get("statics_deg") is not None:
+                statics.setdefault(azimuth, float(entry["statics_deg"]))
+            if entry.get("critical_deg") is not None:
+                physics[azimuth] = float(entry["critical_deg"])
+        inputs = {a: float(np.rad2deg(t.before_rad)) for a, t in known.items() if t.before_rad is not None}
+        for name, style, values in (
+            ("statics", "statics", statics),
+            ("MuJoCo", "physics", physics),
+            ("input, statics", "input", inputs),
+        ):
+            if values and (style != "input" or max(values.values()) > 0.05):
+                angles = tuple(float(np.deg2rad(v)) for v in values.values())
+                series.append(TiltSeries(name, style, tuple(float(np.deg2rad(a)) for a in values), angles))
+        if series:
+            drawn = tilt_plot(series, dimension, asked_tilt(data))
+            figures.append(f"<figure>{drawn}<figcaption>Friction coefficient {mu:g}.</figcaption></figure>")
+        for azimuth in sorted({*statics, *physics}):
+            a, b = statics.get(azimuth), physics.get(azimuth)
+            apart = "–" if a is None or b is None else f"{abs(a - b):.2f}°"
+            cells = ["–" if v is None else f"{v:.2f}°" for v in (inputs.get(azimuth), a, b)]
+            rows.append([_towards(azimuth, dimension), f"{mu:g}", *cells, apart])
+    head = ("Towards", "Friction", "Input, statics", "Statics", "MuJoCo", "Apart")
+    words = "<p>How far the ground can tilt before something moves: by a linear program, and by letting MuJoCo go.</p>"
+    body = f'{words}<div class="figures">{"".join(figures)}</div>'
+    return section("tilt", "Tilt", body + table(head, rows, caption="Critical tilt", numeric=(1, 2, 3, 4, 5)))
+
+
+def _towards(azimuth_deg: float, dimension: int) -> str:
+    if dimension == 2:
+        return "right" if np.cos(np.deg2rad(azimuth_deg)) >= 0 else "left"
+    return f"{azimuth_deg:.0f}°"
+
+
+def insertion(data: ReportData) -> str:
+    """Return how each part goes in: its cone by geometry, MuJoCo's trials, and in 3D the map of directions."""
+    simulated = {str(e.get("part")): e for e in entries(data, "insertion")}
+    rows = []
+    for verdict in data.after.insertions:
+        entry = simulated.get(verdict.part, {})
+        inside, outside = entry.get("inside") or {}, entry.get("outside") or {}
+        mark = badge("ok", "goes in") if verdict.assemblable else badge("bad", "blocked")
+        rows.append(
+            [
+                f"<code>{esc(verdict.part)}</code>",
+                mark,
+                degrees(verdict.required_rad),
+                degrees(verdict.alpha_rad),
+                listed(verdict.blockers, 4) if verdict.blockers else "–",
+                _share(inside),
+                f"{significant(float(inside['peak_force_n']), 2)} N" if inside.get("peak_force_n") is not None else "–",
+                f"{outside.get('succeeded', 0)} of {outside['trials']}" if outside.get("trials") else "–",
+            ]
+        )
+    head = ("Part", "By geometry", "Asked ±", "Free ±", "Blockers", "MuJoCo inside", "Peak force", "Passed outside")
+    words = (
+        "<p>“Free” is the half-angle of the cone about the insertion direction along which the part meets nothing "
+        "placed before it. Inside it every trial in MuJoCo should succeed; outside it none (negative control).</p>"
+    )
+    body = words + table(head, rows, caption="Insertion of every part", numeric=(2, 3, 6))
+    return section("insertion", "Insertion", body + _maps(data, simulated))
+
+
+def _share(trials: dict[str, int]) -> str:
+    total = int(trials.get("trials", 0))
+    if not total:
+        return "–"
+    share = 100.0 * int(trials.get("succeeded", 0)) / total
+    return f'<span class="bar"><i style="width:{share:.0f}%"></i></span>{trials.get("succeeded", 0)} of {total}'
+
+
+def _maps(data: ReportData, simulated: dict[str, dict[str, object]]) -> str:
+    assembly = data.design.assembly
+    if assembly.dimension == 2:
+        return ""
+    normals = way_out_normals(assembly, data.after.contacts)
+    drawn = []
+    for item in data.design.insertion:
+        trials = simulated.get(item.part, {}).get("directions")
+        plot = direction_map(
+            normals.get(assembly.index(item.part), np.zeros((0, 3))),
+            -np.asarray(item.direction),
+            item.alpha_rad,
+            trials if isinstance(trials, list) else (),
+        )
+        drawn.append(f"<figure>{plot}<figcaption>{esc(item.part)}</figcaption></figure>")
+    words = "Directions around each part's way out: filled = free, ring = asked for, dots = trials, crosses = failed"
+    opened = ' open="open"' if len(drawn) <= 24 else ""
+    return f'<details{opened}><summary>{words}</summary><div class="minis">{"".join(drawn)}</div></details>'
+
+
+def joints(data: ReportData) -> str:
+    """Return the joints' table, in 2D with the conic section of each motion cone."""
+    assembly = data.design.assembly
+    flat = assembly.dimension == 2
+    by_part = {i.part: i for i in data.design.insertion}
+    rows, sections = [], []
+    for joint in data.design.joints:
+        i, j = (assembly.parts[p].name for p in joint.contact.parts)
+        slope, radius = pictures.joint_shape(joint)
+        parameters = ", ".join(f"{esc(k)} = {significant(float(v), 3)}" for k, v in joint.parameters.items())
+        pair = f"<code>{esc(i)}</code> – <code>{esc(j)}</code>"
+        bend = "–" if not np.isfinite(radius) else millimetres(radius)
+        rows.append([pair, esc(joint.kind), _direction(joint.direction), degrees(slope), bend, parameters or "–"])
+        if flat:
+            way = by_part.get(j)
+            about, length = assembly.parts[joint.contact.parts[1]].centroid, assembly.size / 2
+            out = None if way is None else -np.asarray(way.direction)
+            plot = joint_section(joint, about, length, out, 0.0 if way is None else way.alpha_rad)
+            sections.append(f"<figure>{plot}<figcaption>{esc(i)} – {esc(j)}</figcaption></figure>")
+    head = ("Parts", "Type", "Direction u", "Steepest slope", "Smallest radius", "Parameters (SI)")
+    body = table(head, rows, caption="Joints", numeric=(3, 4))
+    if sections:
+        words = (
+            "<p>Each motion cone {v : n·v ≥ 0} cut by a plane. Filled: the joint's; dashed: the flat contact's; bar: "
+            "the translations that insertion needs. The smaller the filled shape, the more the joint holds.</p>"
+        )
+        minis = f'<div class="minis">{"".join(sections)}</div>'
+        body += f"<details><summary>Conic sections of the joints' motion cones</summary>{words}{minis}</details>"
+    return section("joints", "Joints", body)
+
+
+def _direction(vector: Array) -> str:
+    if len(vector) == 2:
+        return degrees(float(np.arctan2(vector[1], vector[0])))
+    return "(" + ", ".join(f"{v + 0.0:.2f}".replace("-", "−") for v in vector) + ")"
+
+
+def parts(data: ReportData) -> str:
+    """Return the parts' table: mass, centroid, way in and cone."""
+    assembly = data.design.assembly
+    colours, classes = part_colours(assembly, data.after.contacts), fills()
+    ways = {i.part: i for i in data.design.insertion}
+    free = {i.part: i for i in data.after.insertions}
+    rows = []
+    for k, part in enumerate(assembly.parts):
+        way, cone = ways.get(part.name), free.get(part.name)
+        rows.append(
+            [
+                str(k + 1),
+                f'<span class="swatch {classes[colours[k]]}"></span><code>{esc(part.name)}</code>',
+                "fixed" if part.fixed else "free",
+                f"{significant(part.mass * 1e3, 3)} g" if part.mass < 1 else f"{significant(part.mass, 3)} kg",
+                ", ".join(significant(float(c) * 1e3, 4) for c in part.centroid),
+                _direction(way.direction) if way else "–",
+                f"±{degrees(cone.alpha_rad)}" if cone else "–",
+            ]
+        )
+    head = ("", "Part", "Kind", "Mass", "Centroid (mm)", "Goes in along", "Free cone")
+    return section("parts", "Parts in order of assembly", table(head, rows, caption="Parts", numeric=(0, 3, 4)))
+
+
+def provenance(data: ReportData) -> str:
+    """Return parameters, timings, versions, notes and warnings."""
+    seconds = dict(data.design.seconds)
+    if data.simulation is not None and isinstance(data.simulation.get("seconds"), int | float):
+        seconds["simulation"] = float(data.simulation["seconds"])
+    versions = dict(data.versions)
+    if data.simulation is not None and data.simulation.get("engine"):
+        versions["simulated by"] = str(data.simulation["engine"])
+    body = ""
+    notes = [*data.warnings, *data.design.notes]
+    if notes:
+        body += f'<h3>Notes</h3><ul class="notes">{"".join(f"<li>{esc(n)}</li>" for n in notes)}</ul>'
+    overlap = f"Largest overlap of two parts: {significant(data.after.part_overlap, 2)} of the smaller one."
+    body += f"<p>{overlap} Contacts found in the result: {len(data.after.contacts)} facets.</p>"
+    tables = (
+        ("Parameters", ("Parameter", "Value"), {k: str(v) for k, v in data.parameters.items()}),
+        ("Timings", ("Stage", "Seconds"), {k: significant(float(v), 3) for k, v in seconds.items()}),
+        ("Versions", ("Program", "Version"), versions),
+    )
+    for caption, head, values in tables:
+        if values:
+            rows = [[esc(k), esc(v)] for k, v in values.items()]
+            body += table(head, rows, caption=caption)
+    return section("about", "How this was made", body)

@@ -1,0 +1,168 @@
+"""The verdict at a glance: four questions, answered in plain words with their figures."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mocca_robot.assembly import Goal, Interlocking, Lateral, SupportFree
+from mocca_robot.report.data import ReportData
+from mocca_robot.report.findings import disagreements, entries, smallest_tilt, states, tilt_gaps
+from mocca_robot.report.markup import degrees, esc, listed, plural, significant
+from mocca_robot.verify import CaseVerdict, Verification
+
+
+def case_words(name: str) -> str:
+    """Return a load case's name in words (not escaped): 'state_p05' → 'just after placing p05'."""
+    if name.startswith("state_"):
+        return f"just after placing {name[6:]}"
+    if name.startswith("tilt_") and name[5:].lstrip("-").isdigit():
+        return f"ground tilted towards {int(name[5:])}°"
+    known = {"gravity": "finished, under gravity", "interlocking": "pushed apart, key held"}
+    return known.get(name, name)
+
+
+def goal_words(goal: Goal) -> str:
+    """Return a goal in words (not escaped)."""
+    if isinstance(goal, SupportFree):
+        return "stands by itself in every state of the sequence"
+    if isinstance(goal, Lateral):
+        return f"stands on ground tilted by {degrees(goal.angle_rad, 0)}"
+    if isinstance(goal, Interlocking):
+        return f"interlocks with '{goal.key}' as its key"
+    return "stands under gravity"
+
+
+def asked_tilt(data: ReportData) -> float | None:
+    """Return the tilt the goals ask for, radians; None when they do not."""
+    asked = [g.angle_rad for g in data.design.assembly.goals if isinstance(g, Lateral)]
+    return max(asked, default=None)
+
+
+def summary(data: ReportData) -> str:
+    """Return the title, one sentence of verdict, the four cards and the alarms."""
+    assembly = data.design.assembly
+    curved = sum(not j.is_planar for j in data.design.joints)
+    goals = "; ".join(goal_words(g) for g in assembly.goals)
+    alpha = assembly.alpha_rad
+    asked = f", every part inserted from within ±{degrees(alpha, 1)}" if alpha is not None else ""
+    return (
+        f"<h1>{esc(assembly.name)}</h1>"
+        f'<p class="mute">{assembly.dimension}D · {plural(len(assembly.parts), "part")} '
+        f"({int(assembly.fixed.sum())} fixed) · {plural(len(data.design.joints), 'joint')}, {curved} curved · "
+        f"asked for: {esc(goals)}{asked}</p>"
+        f'<p class="lead">{_sentence(data)}</p>'
+        f'<div class="cards">{_stands(data)}{_assemblable(data)}{_physics(data)}{_margin(data)}</div>'
+        f"{_alarm(data)}"
+    )
+
+
+def _sentence(data: ReportData) -> str:
+    before, after = _fallen(data.before), _fallen(data.after)
+    name = esc(data.design.assembly.name)
+    if not after and before:
+        return (
+            f"<b>{name}</b> falls with flat contacts ({esc(case_words(before[0].case.name))}: "
+            f"{listed(before[0].moving, 4)} would move). With the designed joints it stands, "
+            "without glue, screws or friction."
+        )
+    if not after:
+        return f"<b>{name}</b> stands with the designed joints; it would stand with flat contacts, too."
+    worst = max(after, key=lambda c: np.nan_to_num(c.result.infeasibility, nan=1.0))
+    return (
+        f"<b>{name}</b> does not hold {plural(len(after), 'load case')}; the worst is "
+        f"“{esc(case_words(worst.case.name))}”, where {listed(worst.moving, 4)} would move."
+    )
+
+
+def _fallen(verification: Verification) -> list[CaseVerdict]:
+    return [c for c in verification.cases if not c.result.stands]
+
+
+def card(kind: str, question: str, answer: str, words: str) -> str:
+    """Return one card; `answer` is text, `words` markup."""
+    return (
+        f'<div class="card {kind}"><div class="q">{esc(question)}</div><div class="a">{esc(answer)}</div>'
+        f'<div class="w">{words}</div></div>'
+    )
+
+
+def _stands(data: ReportData) -> str:
+    cases, fallen = data.after.cases, _fallen(data.after)
+    largest = max((c.result.infeasibility for c in cases), default=0.0)
+    figure = f"largest infeasibility E/|w|² = {significant(largest, 2)}"
+    if not fallen:
+        return card("ok", "Does it stand?", "Stands", f"{plural(len(cases), 'load case')} in equilibrium; {figure}.")
+    unsure = [c for c in fallen if c.result.status == "inaccurate"]
+    if len(unsure) == len(fallen):
+        return card("warn", "Does it stand?", "Not decided", f"The solver was too inaccurate in {len(unsure)} cases.")
+    words = f"{len(fallen)} of {plural(len(cases), 'load case')} not in equilibrium; {figure}."
+    return card("bad", "Does it stand?", "Falls", words)
+
+
+def _assemblable(data: ReportData) -> str:
+    question = "Can it be put together?"
+    insertions = data.after.insertions
+    if not insertions:
+        return card("none", question, "Nothing to insert", "Every part is fixed.")
+    blocked = [i for i in insertions if not i.assemblable]
+    tightest = min(insertions, key=lambda i: i.alpha_rad)
+    figure = f"tightest: <code>{esc(tightest.part)}</code> leaves within ±{degrees(max(tightest.alpha_rad, 0.0))}"
+    if blocked:
+        first = blocked[0]
+        by = f", hindered by {listed(first.blockers, 3)}" if first.blockers else ""
+        words = f"{listed([i.part for i in blocked], 4)} cannot go in as asked{by}; {figure}."
+        return card("bad", question, "Blocked", words)
+    asked = tightest.required_rad
+    if asked is None:
+        return card("ok", question, "Yes", f"Each part has a free way in; {figure} (no cone was asked for).")
+    words = f"asked ±{degrees(asked)}; {figure}, {degrees(tightest.alpha_rad - asked)} to spare."
+    return card("ok", question, f"Within ±{degrees(asked, 0)}", words)
+
+
+def _physics(data: ReportData) -> str:
+    question = "Does physics agree?"
+    if data.simulation is None:
+        return card("none", question, "Not simulated", "Run <code>mocca-robot simulate</code> to ask MuJoCo.")
+    compared = [s for s in states(data) if s.agree is not None]
+    same = sum(s.agree is True for s in compared)
+    tilts = tilt_gaps(data)
+    apart = max(tilts, default=None)
+    words = f"{same} of {plural(len(compared), 'state')} the same verdict"
+    words += f"; critical tilt within {apart:.2f}°" if apart is not None else ""
+    trials = sum(int((i.get("inside") or {}).get("trials", 0)) for i in entries(data, "insertion"))
+    passed = sum(int((i.get("inside") or {}).get("succeeded", 0)) for i in entries(data, "insertion"))
+    words += f"; {passed} of {trials} insertions inside the cones succeed" if trials else ""
+    if disagreements(data):
+        return card("bad", question, "Disagrees", f"{words}. See the list below.")
+    if not compared and not tilts and not trials:
+        return card("none", question, "Nothing compared", "The simulation holds no states, tilts or insertions.")
+    return card("ok", question, "Agrees", f"{words}.")
+
+
+def _margin(data: ReportData) -> str:
+    question = "How much margin?"
+    found, asked = smallest_tilt(data), asked_tilt(data)
+    if found is None or not math.isfinite(found[0]):
+        return card("none", question, "Not measured", "No critical tilt was computed.")
+    angle, azimuth, source = found
+    flat = data.design.assembly.dimension == 2
+    where = ("right" if math.cos(azimuth) >= 0 else "left") if flat else f"azimuth {degrees(azimuth, 0)}"
+    words = f"smallest critical tilt, towards {where} (by {source}, no friction)"
+    before = [t.before_rad for t in data.tilts if t.before_rad is not None and t.friction == 0.0]
+    words += f"; the input: {degrees(min(before))}" if before else ""
+    if asked is not None:
+        words += f"; asked for {degrees(asked)}"
+        return card("ok" if angle >= asked - 1e-4 else "bad", question, f"Tilts by {degrees(angle)}", words + ".")
+    kind = "ok" if angle > np.deg2rad(1.0) else "warn"
+    return card(kind, question, f"Tilts by {degrees(angle)}", words + ".")
+
+
+def _alarm(data: ReportData) -> str:
+    found = disagreements(data)
+    if not found:
+        return ""
+    items = "".join(f"<li>{esc(d)}</li>" for d in found)
+    head = f"{plural(len(found), 'disagreement')} between independent checks"
+    return f'<section class="alarm" id="disagreements" role="alert"><h2>{head}</h2><ul>{items}</ul></section>'
