@@ -39,8 +39,8 @@ class Journal:
         self.path = path
 
     @classmethod
-    def create(cls, path: Path | str, plan: Plan, robot: str) -> Journal:
-        """Return a new journal for `plan` on `robot`; InputError when the file exists: nothing is overwritten."""
+    def create(cls, path: Path | str, plan: Plan, robot: str, plan_file: Path | str = "") -> Journal:
+        """Return a new journal for `plan` (read from `plan_file`) on `robot`; InputError when the file exists."""
         path = Path(path)
         try:
             descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
@@ -51,8 +51,16 @@ class Journal:
         except OSError as error:
             raise InputError(f"Cannot create the journal {path}: {error.strerror}. Name another file.") from error
         journal = cls(descriptor, path)
-        header = {"format": FORMAT, "version": VERSION, "plan_sha256": plan.sha256, "robot": robot, "time": utc_now()}
-        journal._write(header)
+        journal._write(
+            {
+                "format": FORMAT,
+                "version": VERSION,
+                "plan_sha256": plan.sha256,
+                "plan": str(Path(plan_file).resolve()) if plan_file else "",
+                "robot": robot,
+                "time": utc_now(),
+            }
+        )
         _sync_folder(path.parent)
         return journal
 
@@ -107,6 +115,7 @@ class Record:
 
     path: Path
     plan_sha256: str
+    plan_file: str
     robot: str
     finished: tuple[int, ...]
     unfinished: int | None
@@ -159,6 +168,7 @@ def read_journal(path: Path | str) -> Record:
     return Record(
         path=path,
         plan_sha256=str(parsed[0].get("plan_sha256")),
+        plan_file=str(parsed[0].get("plan", "")),
         robot=str(parsed[0].get("robot")),
         finished=tuple(sorted(finished)),
         unfinished=open_step,

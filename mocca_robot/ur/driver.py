@@ -1,0 +1,489 @@
+"""A UR arm behind ur-rtde, supervised: every motion is watched in a 20 ms loop and ends with a status and evidence.
+
+What the library does not do is done here: deadlines of its own, stale and non-finite states, safety stops, forces,
+path deviation. It never unlocks a stop. Unproven on hardware: tested against the fake controller only.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from types import TracebackType
+
+import numpy as np
+
+from mocca_robot.assembly import Array
+from mocca_robot.errors import InputError
+from mocca_robot.ur import dashboard
+from mocca_robot.ur.frames import frame_along
+from mocca_robot.ur.gripper import Grip, Gripper, GripperLost, connect
+from mocca_robot.ur.limits import Limits
+from mocca_robot.ur.link import Link, LinkLost
+from mocca_robot.ur.models import robot_model
+from mocca_robot.ur.owner import RobotLock
+from mocca_robot.ur.plan import Plan, Waypoint
+from mocca_robot.ur.pose import Three, angle_rad, distance_m
+from mocca_robot.ur.preflight import blocking_findings, require_robot
+from mocca_robot.ur.status import ArmState, ExecutionStatus, Outcome
+from mocca_robot.ur.supervision import Stopped, parse_state, program_stop, safety_stop
+
+CYCLE_S = 0.02
+CONNECT_S = 8.0
+CALL_S = 1.0
+"""A command of the control script answers within a few cycles; a second means that nobody is there."""
+DECELERATION_M_S2 = 2.0
+DECELERATION_RAD_S2 = 2.0
+STILL_RAD_S = 0.01
+STILL_SAMPLES = 3
+OBSERVE_S = 1.5
+LEAD_IN_S = 0.5
+LATERAL_M = 0.005
+"""A part that drifts farther sideways while it is pushed has left its joint."""
+BEYOND_M = 0.003
+PUSH_GRACE_S = 0.3
+"""Force mode needs a moment to get going; standing still before that is no jam."""
+STALL_S = 1.0
+SERVO_GAIN = 300.0
+SERVO_LOOKAHEAD_S = 0.05
+
+
+class UrArm:
+    """One UR arm, owned from `__enter__` to `__exit__` by this process and by the thread that entered it.
+
+    Entering takes the lock, checks who and in which state the robot is, connects the eyes, then the hands (which
+    uploads a control script that does not move), and starts the watchdog. InputError and EnvironmentNeeded say why a
+    robot cannot be used. `cancelled` is asked in every cycle; once it returns True, motions end with CANCELLED.
+    """
+
+    def __init__(
+        self, host: str, plan: Plan, confirm: str, cancelled: Callable[[], bool] = lambda: False
+    ) -> None:
+        self.host = host
+        self.plan = plan
+        self.limits: Limits = plan.cell.limits
+        self.model = robot_model(plan.robot)
+        self._confirm = confirm
+        self._cancelled = cancelled
+        self._lock = RobotLock(host)
+        self._eyes: Link | None = None
+        self._hands: Link | None = None
+        self._gripper: Gripper | None = None
+        self._serial = ""
+        self._last: ArmState | None = None
+        self._changed_at = 0.0
+        self._polled_at = 0.0
+        self._forcing = False
+        self._moving = False
+        self._bias = np.zeros(6)
+
+    # Opening and closing
+
+    def __enter__(self) -> UrArm:
+        self._lock.__enter__()
+        try:
+            identity = require_robot(self.host, self.plan, self._confirm)
+            self._serial = identity.serial
+            self._gripper = connect(self.plan.gripper, self.host)
+            self._eyes = Link("eyes", self.host, CONNECT_S)
+            self._poll()
+            self._hands = Link("hands", self.host, CONNECT_S)
+            self._order("setWatchdog", self.limits.watchdog_hz)
+            self._order("setTcp", list(self.plan.cell.tcp_offset))
+            self._settle(0.1)
+        except (LinkLost, GripperLost) as error:
+            self.__exit__(None, None, None)
+            raise InputError(f"Robot {self.host} cannot be used: {error}. Nothing was moved.") from error
+        except Stopped as stop:
+            self.__exit__(None, None, None)
+            raise InputError(
+                f"Robot {self.host} is not ready ({stop.status}): {stop.detail}. A person has to clear this at the "
+                "pendant; nothing was moved."
+            ) from stop
+        except BaseException:
+            self.__exit__(None, None, None)
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._hands is not None and self._hands.alive:
+            if self._moving or self._forcing:
+                self.stop()
+            try:
+                self._hands.call("stopScript", deadline_s=CALL_S)
+            except LinkLost:
+                dashboard.stop_program(self.host)
+        for link in (self._hands, self._eyes):
+            if link is not None:
+                link.kill()
+        if self._gripper is not None:
+            self._gripper.close()
+        self._lock.__exit__(kind, error, trace)
+
+    @property
+    def name(self) -> str:
+        """Return the controller's serial number."""
+        return self._serial
+
+    # Questions
+
+    def preflight(self, plan: Plan, first_step: int) -> Outcome:
+        """Return SUCCEEDED, or REFUSED naming what must be put right before `first_step` can start."""
+        try:
+            self._order("setPayload", plan.cell.tool_mass_kg, list(plan.cell.tool_cog_m))
+            self._settle(0.1)
+            state = self._watch()
+            tcp = self._hands_call("getTCPOffset")
+            problem = next(blocking_findings(plan, first_step, state, tcp, self._safe), None)
+        except Stopped as stop:
+            return self._end(stop)
+        if problem is not None:
+            return Outcome(ExecutionStatus.REFUSED, problem, state)
+        return Outcome(ExecutionStatus.SUCCEEDED, "preflight passed", state)
+
+    def _safe(self, point: Waypoint) -> bool:
+        """Return whether the controller's own safety limits allow a waypoint."""
+        self._watch()
+        return bool(self._hands_call("isPoseWithinSafetyLimits", list(point.tcp))) and bool(
+            self._hands_call("isJointsWithinSafetyLimits", list(point.q))
+        )
+
+    # Settings
+
+    def set_payload(self, mass_kg: float, cog_m: Three) -> Outcome:
+        """Set what the arm carries and read it back; REFUSED when the controller does not take it over."""
+        try:
+            self._order("setPayload", mass_kg, list(cog_m))
+            self._settle(0.1)
+            state = self._watch()
+        except Stopped as stop:
+            return self._end(stop)
+        if abs(state.payload_kg - mass_kg) > 1e-3:
+            detail = f"payload reads back as {state.payload_kg:.3f} kg after setting {mass_kg:.3f} kg"
+            return Outcome(ExecutionStatus.REFUSED, detail, state)
+        return Outcome(ExecutionStatus.SUCCEEDED, "", state)
+
+    def zero_force(self) -> Outcome:
+        """Pause, zero the sensor, and take what it then shows as the bias; REFUSED when that is still large."""
+        try:
+            self._settle(0.2)
+            self._order("zeroFtSensor")
+            self._settle(0.1)
+            state = self._watch()
+        except Stopped as stop:
+            return self._end(stop)
+        self._bias = np.array(state.force)
+        size = float(np.linalg.norm(self._bias[:3]))
+        if size > self.limits.contact_force_n:
+            detail = f"the force sensor shows {size:.1f} N after zeroing, limit {self.limits.contact_force_n:g} N"
+            return Outcome(ExecutionStatus.REFUSED, detail, state)
+        return Outcome(ExecutionStatus.SUCCEEDED, "", state)
+
+    # Motions
+
+    def follow(self, path: Sequence[Waypoint], *, force_limit_n: float, contact_force_n: float | None) -> Outcome:
+        """Follow a timed path by joint servoing on the controller's clock; see `interface.Arm`."""
+        waypoint = 0
+        try:
+            state = self._watch()
+            gap, far = float(np.abs(np.subtract(state.q, path[0].q)).max()), distance_m(state.tcp, path[0].tcp)
+            if gap > self.limits.joint_step_rad or far > self.limits.tracking_distance_m:
+                raise Stopped(
+                    ExecutionStatus.DEVIATED,
+                    f"the arm stands {1e3 * far:.1f} mm and {gap:.3f} rad from the path's first waypoint, limit "
+                    f"{1e3 * self.limits.tracking_distance_m:g} mm and {self.limits.joint_step_rad:g} rad",
+                    state,
+                )
+            times = np.array([w.t - path[0].t for w in path])
+            joints = np.array([w.q for w in path])
+            places = np.array([w.tcp[:3] for w in path])
+            offset = np.subtract(state.q, path[0].q)  # re-synced to where the arm really is, blended out below
+            end = time.monotonic() + 1.1 * float(times[-1]) + 2.0
+            lead_in = max(LEAD_IN_S, 2.0 * far / self.limits.approach_speed_m_s)
+            last = max(float(times[-1]), lead_in)
+            end += lead_in
+            clock, arm_time = 0.0, state.time_s
+            trail: deque[Array] = deque(maxlen=50)
+            self._moving = True
+            while True:
+                elapsed = min(max(state.time_s - arm_time, 0.0), 0.1)
+                arm_time = state.time_s
+                clock = min(clock + elapsed * state.speed_scaling, last)
+                waypoint = int(np.searchsorted(times, clock, side="right")) - 1
+                fade = max(0.0, 1.0 - clock / lead_in)
+                goal = _interpolate(times, joints, clock) + offset * (fade * fade * (3.0 - 2.0 * fade))
+                trail.append(_interpolate(times, places, clock))
+                self._hands_call("servoJ", goal.tolist(), 0.0, 0.0, CYCLE_S, SERVO_LOOKAHEAD_S, SERVO_GAIN)
+                time.sleep(CYCLE_S)
+                state = self._watch()
+                self._check_forces(state, force_limit_n, contact_force_n)
+                self._check_path(state, trail)
+                if clock >= last and self._arrived(state, path[-1]):
+                    break
+                if time.monotonic() > end:
+                    raise Stopped(ExecutionStatus.TIMED_OUT, f"not there after 1.1 × {times[-1]:.1f} s + 2 s", state)
+            self._order("servoStop", DECELERATION_M_S2)
+            self._moving = False
+            state = self._watch()
+        except Stopped as stop:
+            return self._end(stop, waypoint)
+        return Outcome(ExecutionStatus.SUCCEEDED, "", state, len(path) - 1)
+
+    def push(self, axis: Array, depth_m: float, *, force_limit_n: float) -> Outcome:
+        """Push along `axis` in force mode, sideways compliant, until the measured depth is reached."""
+        limits = self.limits
+        depth = 0.0
+        try:
+            start = self._watch()
+            frame = frame_along(axis, start.tcp)
+            self._order("forceModeSetDamping", limits.force_damping)
+            self._order("forceModeSetGainScaling", limits.force_gain)
+            end = time.monotonic() + 1.1 * depth_m / limits.insert_speed_m_s + 2.0
+            history: deque[tuple[float, float, float]] = deque()
+            speeds = [limits.insert_speed_m_s] * 3 + [limits.abort_tilt_rad] * 3
+            self._forcing = self._moving = True
+            wrench = [0.0, 0.0, limits.push_force_n, 0.0, 0.0, 0.0]
+            self._hands_call("forceMode", list(frame), [1, 1, 1, 0, 0, 0], wrench, 2, speeds)
+            while True:
+                time.sleep(CYCLE_S)
+                self._hands_call("kickWatchdog")
+                state = self._watch()
+                moved = np.subtract(state.tcp[:3], start.tcp[:3])
+                depth = float(moved @ axis)
+                self._check_push(state, start, moved, depth, depth_m, axis, force_limit_n)
+                if depth >= depth_m - 0.5 * limits.depth_tolerance_m:
+                    break
+                felt = abs(float(np.subtract(state.force, self._bias)[:3] @ axis))
+                history.append((state.time_s, depth, felt))
+                self._check_jam(history, start.time_s, state)
+                if time.monotonic() > end:
+                    raise Stopped(
+                        ExecutionStatus.TIMED_OUT, f"{1e3 * depth:.1f} of {1e3 * depth_m:.1f} mm in time", state
+                    )
+            self._leave_force_mode()
+            self._settle(0.1)
+            state = self._watch()
+            depth = float(np.subtract(state.tcp[:3], start.tcp[:3]) @ axis)
+            if depth < depth_m - limits.depth_tolerance_m:
+                raise Stopped(ExecutionStatus.JAMMED, "the part sprang back after the push", state)
+        except Stopped as stop:
+            outcome = self._end(stop)
+            detail = f"{outcome.detail} (depth {1e3 * depth:.1f} of {1e3 * depth_m:.1f} mm)"
+            return Outcome(outcome.status, detail, outcome.state, None, depth, outcome.stop_observed)
+        finally:
+            # `_end` has left force mode already, unless the controller or an interrupt kept it from doing so.
+            if self._forcing and self._hands is not None and self._hands.alive:
+                self.stop()
+        return Outcome(ExecutionStatus.SUCCEEDED, f"depth {1e3 * depth:.2f} mm", state, None, depth)
+
+    def grip(self, width_m: float, force_n: float) -> tuple[Outcome, Grip]:
+        """Move the fingers while the arm stands still under supervision."""
+        assert self._gripper is not None
+        try:
+            grip = self._gripper.move(width_m, force_n, lambda: (self._watch(), None)[1])
+            return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), grip
+        except GripperLost as error:
+            return self._end(Stopped(ExecutionStatus.CONNECTION_LOST, str(error), self._last)), Grip(None, None)
+        except Stopped as stop:
+            return self._end(stop), Grip(None, None)
+
+    # Ending
+
+    def stop(self) -> bool:
+        """Order the arm to stop by whatever way is left; return whether it was then measured to stand still."""
+        try:
+            if self._hands is not None and self._hands.alive:
+                if self._forcing:
+                    self._leave_force_mode()
+                self._hands.call("servoStop", DECELERATION_M_S2, deadline_s=CALL_S)
+                self._moving = False
+        except (LinkLost, Stopped):
+            pass
+        if self._hands is None or not self._hands.alive:
+            # The watchdog stops the program, too; this asks for it at once.
+            dashboard.stop_program(self.host)
+        return self._stands_still()
+
+    def _end(self, stop: Stopped, waypoint: int | None = None) -> Outcome:
+        """Return the outcome of a motion that must end, after ending it."""
+        detail = stop.detail
+        if stop.status is ExecutionStatus.CONNECTION_LOST and self._hands is not None:
+            # A library that finds its connection again would repeat its last command: it must not get the chance.
+            self._hands.kill()
+        observed = self.stop()
+        if not observed and self._hands is not None and not self._hands.alive:
+            program = dashboard.stop_program(self.host)
+            detail += (
+                "; the arm cannot be seen, the controller says that its program has stopped"
+                if program
+                else "; the arm cannot be seen, its watchdog has to stop it"
+            )
+        self._moving = self._forcing = False
+        return Outcome(stop.status, detail, stop.state or self._last, waypoint, None, observed)
+
+    def _stands_still(self) -> bool:
+        """Return whether fresh states show the arm standing still, looking again through new eyes if need be."""
+        if self._eyes is not None and self._looks_still(self._eyes):
+            return True
+        if self._eyes is not None and not self._fresh():
+            self._eyes.kill()
+            try:
+                self._eyes = Link("eyes", self.host, OBSERVE_S)
+            except LinkLost:
+                return False
+            return self._looks_still(self._eyes)
+        return False
+
+    def _looks_still(self, eyes: Link) -> bool:
+        still, before = 0, self._last.time_s if self._last else -1.0
+        end = time.monotonic() + OBSERVE_S
+        while time.monotonic() < end:
+            try:
+                state = parse_state(eyes.call("state", deadline_s=0.5))
+            except LinkLost:
+                return False
+            except Stopped:
+                time.sleep(CYCLE_S)
+                continue
+            if state.time_s != before:
+                before, self._last, self._changed_at = state.time_s, state, time.monotonic()
+                still = still + 1 if max(abs(v) for v in state.qd) < STILL_RAD_S else 0
+                if still >= STILL_SAMPLES:
+                    return True
+            time.sleep(CYCLE_S / 2)
+        return False
+
+    def _leave_force_mode(self) -> None:
+        self._order("forceModeStop")
+        self._forcing = self._moving = False
+
+    # Supervision
+
+    def _watch(self) -> ArmState:
+        """Return a fresh state that allows to go on; Stopped otherwise."""
+        if self._cancelled():
+            raise Stopped(ExecutionStatus.CANCELLED, "cancelled by the user", self._last)
+        state = self._poll()
+        ended = program_stop(state)
+        if ended is not None:
+            raise Stopped(*ended, state)
+        return state
+
+    def _poll(self) -> ArmState:
+        """Return a fresh state with the safety system undisturbed; Stopped otherwise."""
+        assert self._eyes is not None
+        while True:
+            now = time.monotonic()
+            # A pause of this process leaves the receiver behind for a moment; that is not the robot's silence.
+            own_pause = self._polled_at > 0.0 and now - self._polled_at > 0.5 * self.limits.state_age_s
+            self._polled_at = now
+            try:
+                raw = self._eyes.call("state", deadline_s=max(5 * self.limits.state_age_s, 0.2))
+            except LinkLost as error:
+                raise Stopped(ExecutionStatus.CONNECTION_LOST, f"no state: {error}", self._last) from error
+            state = parse_state(raw)
+            now = time.monotonic()
+            if self._last is None or state.time_s != self._last.time_s:
+                self._changed_at = now
+            elif now - self._changed_at > self.limits.state_age_s:
+                if own_pause:
+                    time.sleep(CYCLE_S)
+                    continue
+                raise Stopped(
+                    ExecutionStatus.CONNECTION_LOST,
+                    f"the controller's state is {1e3 * (now - self._changed_at):.0f} ms old, limit "
+                    f"{1e3 * self.limits.state_age_s:.0f} ms",
+                    state,
+                )
+            self._last = state
+            stopped = safety_stop(state)
+            if stopped is not None:
+                raise Stopped(*stopped, state)
+            return state
+
+    def _fresh(self) -> bool:
+        return time.monotonic() - self._changed_at <= self.limits.state_age_s
+
+    def _settle(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            time.sleep(CYCLE_S)
+            self._watch()
+
+    def _hands_call(self, name: str, *args: object) -> object:
+        assert self._hands is not None
+        try:
+            answer = self._hands.call(name, *args, deadline_s=CALL_S)
+        except LinkLost as error:
+            self._poll()  # a safety stop explains more than a lost call
+            raise Stopped(ExecutionStatus.CONNECTION_LOST, f"command {error}", self._last) from error
+        return answer
+
+    def _order(self, name: str, *args: object) -> None:
+        """Give a command that must be obeyed; a bare False of the library becomes its reason."""
+        if self._hands_call(name, *args) is not True:
+            self._watch()
+            raise Stopped(ExecutionStatus.PROGRAM_STOPPED, f"the controller did not obey {name}", self._last)
+
+    def _check_forces(self, state: ArmState, force_limit_n: float, contact_force_n: float | None) -> None:
+        felt = np.subtract(state.force, self._bias)
+        force, torque = float(np.linalg.norm(felt[:3])), float(np.linalg.norm(felt[3:]))
+        limit = min(force_limit_n, self.limits.abort_force_n)
+        if force > limit:
+            raise Stopped(ExecutionStatus.FORCE_LIMIT, f"{force:.1f} N, limit {limit:g} N", state)
+        if torque > self.limits.abort_torque_nm:
+            detail = f"{torque:.2f} Nm, limit {self.limits.abort_torque_nm:g} Nm"
+            raise Stopped(ExecutionStatus.FORCE_LIMIT, detail, state)
+        if contact_force_n is not None and force > contact_force_n:
+            raise Stopped(ExecutionStatus.CONTACT, f"{force:.1f} N, contact at {contact_force_n:g} N", state)
+
+    def _check_path(self, state: ArmState, trail: Sequence[Array]) -> None:
+        gap = float(np.linalg.norm(np.array(trail) - np.array(state.tcp[:3]), axis=1).min())
+        if gap > self.limits.tracking_distance_m:
+            limit = 1e3 * self.limits.tracking_distance_m
+            raise Stopped(ExecutionStatus.DEVIATED, f"{1e3 * gap:.1f} mm off the path, limit {limit:g} mm", state)
+
+    def _check_push(
+        self, state: ArmState, start: ArmState, moved: Array, depth: float, wanted: float, axis: Array, force_n: float
+    ) -> None:
+        self._check_forces(state, force_n, None)
+        tilt = angle_rad(state.tcp, start.tcp)
+        if tilt > self.limits.abort_tilt_rad:
+            detail = f"tilted by {np.degrees(tilt):.1f}°, limit {np.degrees(self.limits.abort_tilt_rad):.1f}°"
+            raise Stopped(ExecutionStatus.DEVIATED, detail, state)
+        drift = float(np.linalg.norm(moved - depth * axis))
+        if drift > LATERAL_M:
+            detail = f"{1e3 * drift:.1f} mm sideways, limit {1e3 * LATERAL_M:g} mm"
+            raise Stopped(ExecutionStatus.TRAVEL_LIMIT, detail, state)
+        if depth > wanted + BEYOND_M or depth < -BEYOND_M:
+            detail = f"{1e3 * depth:.1f} mm along the axis, allowed {-1e3 * BEYOND_M:g} to {1e3 * (wanted + BEYOND_M):.1f}"
+            raise Stopped(ExecutionStatus.TRAVEL_LIMIT, detail, state)
+
+    def _check_jam(self, history: deque[tuple[float, float, float]], began: float, state: ArmState) -> None:
+        """Jam: slower than 2 mm/s while pushing hard for 0.25 s; stall: slower than that for 1 s at any force."""
+        now = state.time_s
+        while history and history[0][0] < now - 1.5 * STALL_S:
+            history.popleft()
+        for window, force in ((self.limits.jam_time_s, self.limits.jam_force_n), (STALL_S, 0.0)):
+            recent = [h for h in history if h[0] >= now - window - 1e-6]
+            if now - began < PUSH_GRACE_S + window or len(recent) < 3:
+                continue
+            travel, span = recent[-1][1] - recent[0][1], recent[-1][0] - recent[0][0]
+            if span > 0 and travel < self.limits.jam_speed_m_s * span and min(h[2] for h in recent) >= force:
+                detail = f"{1e3 * travel / span:.1f} mm/s at {recent[-1][2]:.1f} N for {span:.2f} s"
+                raise Stopped(ExecutionStatus.JAMMED, detail, state)
+
+    def _arrived(self, state: ArmState, goal: Waypoint) -> bool:
+        return (
+            float(np.abs(np.subtract(state.q, goal.q)).max()) <= self.limits.start_joint_rad
+            and distance_m(state.tcp, goal.tcp) <= self.limits.start_distance_m
+            and max(abs(v) for v in state.qd) < STILL_RAD_S
+        )
+
+
+def _interpolate(times: Array, values: Array, t: float) -> Array:
+    """Return values (k,) at time t of a piecewise linear path; its ends beyond them."""
+    return np.array([float(np.interp(t, times, column)) for column in values.T])
+

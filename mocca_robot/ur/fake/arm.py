@@ -1,0 +1,313 @@
+"""The fake arm: joints that follow commands to first order, a control script's commands, a program that can stop."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mocca_robot.assembly import Array
+from mocca_robot.errors import InputError
+from mocca_robot.ur.fake.world import Fault, Trigger, World
+from mocca_robot.ur.models import RobotModel
+from mocca_robot.ur.pose import pose_of, rotation_vector, transform
+
+SERVO_LAG_S = 0.04
+STOP_S = 0.05
+STOPPED, PLAYING, PAUSED = 1, 2, 4
+NORMAL, PROTECTIVE, SAFEGUARD, ROBOT_EMERGENCY = 1, 3, 5, 7
+RUNNING, POWER_OFF = 7, 3
+REALTIME = frozenset({6, 9, 10, 11})
+"""Commands whose effect lasts until another one; the script never reports them as done."""
+
+
+@dataclass
+class FakeArm:
+    """State of the arm and of its controller. `step` advances time, `command` takes what the client wrote.
+
+    Attributes:
+        q, qd: joint angles and speeds.
+        ints, doubles: RTDE input registers; out_ints, out_doubles: output registers.
+        time_s: the controller's clock.
+        mode: what moves the arm: idle, servo, path, speed, force.
+    """
+
+    model: RobotModel
+    q: Array
+    world: World
+    serial: str = "20265500001"
+    qd: Array = field(default_factory=lambda: np.zeros(6))
+    ints: list[int] = field(default_factory=lambda: [0] * 48)
+    doubles: list[float] = field(default_factory=lambda: [0.0] * 48)
+    out_ints: list[int] = field(default_factory=lambda: [0] * 48)
+    out_doubles: list[float] = field(default_factory=lambda: [0.0] * 48)
+    time_s: float = 0.0
+    mode: str = "idle"
+    runtime_state: int = STOPPED
+    safety_mode: int = NORMAL
+    robot_mode: int = RUNNING
+    slider: float = 1.0
+    tcp_offset: Array = field(default_factory=lambda: np.zeros(6))
+    payload_kg: float = 0.0
+    payload_cog: Array = field(default_factory=lambda: np.zeros(3))
+    triggers: list[Trigger] = field(default_factory=list)
+    begun: dict[str, int] = field(default_factory=dict)
+    watchdog_s: float | None = None
+    fed_at: float = 0.0
+    gripper_m: float = 0.085
+    gripper_blocked: bool = False
+    log: list[str] = field(default_factory=list)
+    largest_speed_m_s: float = 0.0
+    _executing: bool = False
+    _busy: bool = False
+    _target_q: Array = field(default_factory=lambda: np.zeros(6))
+    _speed: Array = field(default_factory=lambda: np.zeros(6))
+    _linear: bool = False
+    _task: Array = field(default_factory=lambda: np.eye(4))
+    _compliant: list[int] = field(default_factory=lambda: [0] * 6)
+    _wrench: Array = field(default_factory=lambda: np.zeros(6))
+    _limits: Array = field(default_factory=lambda: np.zeros(6))
+    _rates: tuple[float, float] = (0.25, 1.2)
+    _zero: Array = field(default_factory=lambda: np.zeros(6))
+    _raw: Array = field(default_factory=lambda: np.zeros(6))
+
+    @property
+    def tcp(self) -> Array:
+        """Return the (4, 4) pose of the tool's centre point."""
+        return self.model.tcp_matrix(self.q, list(self.tcp_offset))
+
+    @property
+    def force(self) -> Array:
+        """Return the wrench over the zeroed bias, (6,)."""
+        return self._raw - self._zero
+
+    def begin(self, mode: str) -> None:
+        """Note that a kind of action begins, which is what faults wait for."""
+        self.begun[mode] = self.begun.get(mode, 0) + 1
+        for trigger in self.triggers:
+            if trigger.armed_at is None and trigger.mode == mode and self.begun[mode] == trigger.nth:
+                trigger.armed_at = self.time_s + trigger.delay_s
+        self._fire()
+
+    def inject(self, trigger: Trigger) -> None:
+        """Add a fault, due at once when it names no moment."""
+        if trigger.mode == "any":
+            trigger.armed_at = self.time_s + trigger.delay_s
+        else:
+            trigger.nth += self.begun.get(trigger.mode, 0)
+        self.triggers.append(trigger)
+        self._fire()
+
+    def _fire(self) -> None:
+        for trigger in [t for t in self.triggers if t.armed_at is not None and t.armed_at <= self.time_s]:
+            self.triggers.remove(trigger)
+            self.log.append(f"fault {trigger.fault}")
+            self.world.active.add(trigger.fault)
+            if trigger.fault is Fault.PROTECTIVE_STOP:
+                self._halt(PAUSED, PROTECTIVE)
+            elif trigger.fault is Fault.SAFEGUARD_STOP:
+                self._halt(PAUSED, SAFEGUARD)
+            elif trigger.fault is Fault.EMERGENCY_STOP:
+                self._halt(STOPPED, ROBOT_EMERGENCY)
+                self.robot_mode = POWER_OFF
+            elif trigger.fault is Fault.PROGRAM_STOPPED:
+                self.stop_program("pendant")
+            elif trigger.fault is Fault.SLIDER_ZERO:
+                self.slider = 0.0
+
+    def restore(self) -> None:
+        """Do what an operator does after a fault: clear it, leaving the program stopped and the arm where it is."""
+        self.world.clear(set(Fault))
+        self.triggers.clear()
+        self.slider, self.safety_mode, self.robot_mode = 1.0, NORMAL, RUNNING
+        self.stop_program("restored")
+
+    def _halt(self, runtime: int, safety: int) -> None:
+        self.runtime_state, self.safety_mode, self.mode, self._busy = runtime, safety, "idle", False
+
+    def start_program(self) -> None:
+        """Start the client's control script: it reports ready."""
+        if self.safety_mode != NORMAL or self.robot_mode != RUNNING:
+            self.log.append("script refused: not in normal mode")
+            return
+        self.stop_program("replaced")
+        self.runtime_state = PLAYING
+        self.out_ints[0] = 1
+        self._executing = self._busy = False
+        self.log.append("program started")
+
+    def stop_program(self, why: str) -> None:
+        """Stop the program and with it every motion."""
+        if self.runtime_state != STOPPED:
+            self.log.append(f"program stopped: {why}")
+        self.runtime_state, self.mode, self._busy, self.watchdog_s = STOPPED, "idle", False, None
+
+    def feed(self, now: float) -> None:
+        """Note that the client wrote its command register, at wall time `now`."""
+        self.fed_at = now
+
+    def command(self) -> None:
+        """Obey the command register, as the client's control script would."""
+        if self.runtime_state != PLAYING:
+            return
+        command = self.ints[0]
+        if command in REALTIME:
+            self._continuous(command)
+            self.out_ints[0] = 1
+        elif command == 0:
+            if not self._busy:
+                self._executing = False
+                self.out_ints[0] = 1
+        elif not self._executing:
+            self._executing = True
+            try:
+                self._once(command)
+            except InputError as error:
+                self.stop_program(f"script error: {error}")
+                return
+            if not self._busy and self.runtime_state == PLAYING:
+                self.out_ints[0] = 2
+
+    def _continuous(self, command: int) -> None:
+        values = np.array(self.doubles[:18])
+        if command == 11:
+            if self.mode != "servo":
+                self.begin("servo")
+                if self.runtime_state != PLAYING:
+                    return
+            self.mode, self._target_q = "servo", values[:6]
+        elif command == 6:
+            if self.mode != "force":
+                self.begin("force")
+                if self.runtime_state != PLAYING:
+                    return
+            self.mode, self._task = "force", transform(values[:6])
+            self._compliant, self._wrench, self._limits = self.ints[2:8], values[6:12], values[12:18]
+        else:
+            self.mode, self._speed, self._linear = "speed", values[:6], command == 10
+
+    def _once(self, command: int) -> None:
+        values = np.array(self.doubles[:18])
+        if command in (1, 3):
+            self._linear = command == 3
+            self._target_q = self.model.solve_pose(values[:6], self.q, list(self.tcp_offset)) if self._linear else values[:6]
+            self._rates = (max(values[6], 1e-6), max(values[7], 1e-6))
+            self.begin("path")
+            self.mode, self._busy = "path", self.ints[1] == 0
+        elif command in (7, 15, 16, 33, 34):
+            self.mode = "idle"
+        elif command == 8:
+            self._zero = self._raw.copy()
+        elif command == 17:
+            self.payload_kg, self.payload_cog = float(values[0]), values[1:4]
+        elif command == 29:
+            self.tcp_offset = values[:6]
+        elif command == 35:
+            self.watchdog_s = 1.0 / max(values[0], 1e-3)
+        elif command in (36, 37):
+            self.out_ints[1] = int(self._safe(values[:6], joints=command == 37))
+        elif command == 40:
+            self.out_doubles[:6] = list(self.tcp_offset)
+        elif command in (43, 44):
+            q, tool = (self.q, self.tcp_offset) if command == 43 else (values[:6], values[6:12])
+            self.out_doubles[:6] = list(self.model.tcp_pose(q, list(tool)))
+        elif command in (30, 46):
+            near = values[6:12] if command == 30 else self.q
+            self.out_doubles[:6] = list(self.model.solve_pose(values[:6], near, list(self.tcp_offset)))
+        elif command == 47:
+            self.out_ints[1] = int(float(np.abs(self.qd).max()) < 1e-3)
+        elif command == 255:
+            self.stop_program("by its client")
+        elif command not in (20, 21):
+            raise InputError(f"command {command} is not part of the fake controller")
+
+    def _safe(self, values: Array, joints: bool) -> bool:
+        if Fault.UNSAFE_POSE in self.world.active or not np.all(np.isfinite(values)):
+            return False
+        if joints:
+            return bool(np.all(np.abs(values) <= self.model.joint_limit_rad))
+        reach = self.model.reach_m + self.model.d[5] + float(np.linalg.norm(self.tcp_offset[:3]))
+        return float(np.linalg.norm(values[:3] - [0, 0, self.model.d[0]])) <= reach
+
+    def step(self, dt: float, now: float) -> None:
+        """Advance by `dt` seconds of robot time; `now` is wall time, on which the watchdog runs."""
+        self.time_s += dt
+        self._fire()
+        if self.watchdog_s is not None and self.runtime_state == PLAYING and now - self.fed_at > self.watchdog_s:
+            self.stop_program("watchdog")
+        before = self.tcp
+        wanted = self._velocity(dt) * self.slider
+        if self.mode == "idle":
+            wanted = self.qd * max(0.0, 1.0 - dt / STOP_S)
+            wanted[np.abs(wanted) < 1e-4] = 0.0
+        self.qd = np.clip(wanted, -np.array(self.model.joint_speed_rad_s), self.model.joint_speed_rad_s)
+        self.q = self.q + self.qd * dt
+        velocity = (self.tcp[:3, 3] - before[:3, 3]) / dt
+        self.largest_speed_m_s = max(self.largest_speed_m_s, float(np.linalg.norm(velocity)))
+        push = self._task[:3, 2] if self.mode == "force" else None
+        self._raw = self.world.force(self.tcp[:3, 3], velocity, push)
+
+    def _velocity(self, dt: float) -> Array:
+        if self.mode == "servo":
+            return (self._target_q - self.q) / max(SERVO_LAG_S, dt)
+        if self.mode == "speed":
+            return np.linalg.solve(self._jacobian(), self._speed) if self._linear else self._speed
+        if self.mode == "path":
+            return self._path_velocity(dt)
+        if self.mode == "force":
+            return self._force_velocity()
+        return np.zeros(6)
+
+    def _path_velocity(self, dt: float) -> Array:
+        speed, acceleration = self._rates
+        if self._linear:
+            now, goal = self.tcp, self.model.tcp_matrix(self._target_q, list(self.tcp_offset))
+            error = np.concatenate([goal[:3, 3] - now[:3, 3], rotation_vector(goal[:3, :3] @ now[:3, :3].T)])
+            left = max(float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:])) * 0.1)
+        else:
+            error = self._target_q - self.q
+            left = float(np.abs(error).max())
+        if left < 1e-5:
+            self.mode, self._busy = "idle", False
+            if self._executing:
+                self.out_ints[0] = 2
+            return np.zeros(6)
+        rate = min(speed, math.sqrt(2 * acceleration * left), left / dt)
+        twist = error * (rate / left)
+        return np.linalg.solve(self._jacobian(), twist) if self._linear else twist
+
+    def _force_velocity(self) -> Array:
+        if Fault.JAM in self.world.active:
+            return np.zeros(6)
+        frame = self._task[:3, :3]
+        felt = frame.T @ self.force[:3]
+        local = np.zeros(6)
+        for k in range(3):
+            if self._compliant[k]:
+                limit = float(self._limits[k])
+                pull = float(self._wrench[k] + felt[k])
+                local[k] = np.clip(pull * limit / max(abs(float(self._wrench[2])), 1.0), -limit, limit)
+        return np.linalg.solve(self._jacobian(), np.concatenate([frame @ local[:3], np.zeros(3)]))
+
+    def _jacobian(self) -> Array:
+        jacobian = self.model.jacobian(self.q, list(self.tcp_offset))
+        return jacobian if abs(np.linalg.det(jacobian)) > 1e-9 else jacobian + 1e-3 * np.eye(6)
+
+    def tcp_pose(self) -> list[float]:
+        """Return the pose of the tool's centre point as the controller reports it."""
+        return list(pose_of(self.tcp))
+
+    def tcp_speed(self) -> list[float]:
+        """Return velocity and angular velocity of the tool's centre point."""
+        return [float(v) for v in self.model.jacobian(self.q, list(self.tcp_offset)) @ self.qd]
+
+    def close_gripper(self, wanted_m: float) -> None:
+        """Move the fingers: they stop on a part where there is one."""
+        self.begin("grip")
+        if wanted_m < self.gripper_m:
+            self.gripper_m, self.gripper_blocked = self.world.grip_width(self.tcp[:3, 3], wanted_m)
+        else:
+            self.gripper_m, self.gripper_blocked = wanted_m, False
+
+

@@ -1,0 +1,148 @@
+"""What the fake arm can touch, and what can go wrong: contact forces from a plan's geometry, and faults on demand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+
+from mocca_robot.assembly import Array
+from mocca_robot.errors import InputError, nearest
+from mocca_robot.ur.plan import MoveKind, Plan, insertion_axis
+
+SEAT_STIFFNESS_N_M = 20_000.0
+"""Of the place where a part ends up: force control in steps of 30 ms stays stable on it."""
+SEAT_PLAY_M = 2e-4
+SLIDING_N = 2.0
+EARLY_STIFFNESS_N_M = 2_000.0
+LINE_RADIUS_M = 0.01
+
+
+class Fault(StrEnum):
+    """Everything that can be made to go wrong."""
+
+    CONNECTION_DROPPED = "connection_dropped"
+    RTDE_SILENT = "rtde_silent"
+    PROTECTIVE_STOP = "protective_stop"
+    EMERGENCY_STOP = "emergency_stop"
+    SAFEGUARD_STOP = "safeguard_stop"
+    PROGRAM_STOPPED = "program_stopped"
+    SLIDER_ZERO = "slider_zero"
+    NAN = "nan"
+    STALE = "stale"
+    JAM = "jam"
+    CONTACT = "contact"
+    FORCE = "force"
+    PART_MISSING = "part_missing"
+    UNSAFE_POSE = "unsafe_pose"
+    LOCAL_CONTROL = "local_control"
+
+
+MODES = ("any", "servo", "force", "grip")
+
+
+@dataclass
+class Trigger:
+    """A fault and its moment: the `nth` time that `mode` begins, `delay_s` of robot time later."""
+
+    fault: Fault
+    mode: str = "any"
+    nth: int = 1
+    delay_s: float = 0.0
+    armed_at: float | None = None
+
+    @classmethod
+    def parse(cls, text: str) -> Trigger:
+        """Return the trigger in `FAULT[@MODE[:NTH[:DELAY_S]]]`, such as `jam@force:2` or `protective_stop@servo:1:0.5`."""
+        name, _, moment = text.partition("@")
+        if name not in set(Fault):
+            raise InputError(f"Unknown fault '{name}'. {nearest(name, Fault)}")
+        mode, *rest = moment.split(":") if moment else ["any"]
+        if mode not in MODES:
+            raise InputError(f"Unknown moment '{mode}' of fault '{text}'. {nearest(mode, MODES)}")
+        try:
+            nth, delay = int(rest[0]) if rest else 1, float(rest[1]) if len(rest) > 1 else 0.0
+        except ValueError:
+            raise InputError(f"Fault '{text}': write FAULT@MODE:NTH:DELAY_S, such as jam@force:2:0.5.") from None
+        return cls(Fault(name), mode, nth, delay)
+
+
+@dataclass(frozen=True)
+class Seat:
+    """Where a part slides in: a line that ends on a stiff stop."""
+
+    start: Array
+    axis: Array
+    depth_m: float
+
+
+@dataclass
+class World:
+    """Seats, parts in their trays, and the faults that are active now.
+
+    Attributes:
+        parts: (3,) tool position at which a part of that width can be gripped.
+    """
+
+    seats: list[Seat] = field(default_factory=list)
+    parts: list[tuple[Array, float]] = field(default_factory=list)
+    active: set[Fault] = field(default_factory=set)
+    _early_point: Array | None = None
+    _early_direction: Array | None = None
+
+    @classmethod
+    def of_plan(cls, plan: Plan) -> World:
+        """Return the world that a plan expects: a part at every pick, a seat at the end of every insertion."""
+        world = cls()
+        for step in plan.steps:
+            for move in step.moves:
+                if move.kind is MoveKind.PICK:
+                    world.parts.append((np.array(move.path[-1].tcp[:3]), step.grasp.width_m))
+                if move.kind is MoveKind.INSERT:
+                    for path in (move.path, *move.alternatives):
+                        axis, depth = insertion_axis(path)
+                        world.seats.append(Seat(np.array(path[0].tcp[:3]), axis, depth))
+        return world
+
+    def force(self, position: Array, velocity: Array, push: Array | None) -> Array:
+        """Return the wrench (6,) that the tool feels, base frame; `push` is the force-mode axis or None."""
+        out = np.zeros(6)
+        speed = float(np.linalg.norm(velocity))
+        if push is not None:
+            for seat in self.seats[:]:
+                offset = position - seat.start
+                along = float(offset @ seat.axis)
+                if np.linalg.norm(offset - along * seat.axis) < LINE_RADIUS_M and float(seat.axis @ push) > 0.99:
+                    beyond = along - seat.depth_m - SEAT_PLAY_M
+                    out[:3] -= seat.axis * (SEAT_STIFFNESS_N_M * max(beyond, 0.0))
+                    if along > 0 and speed > 1e-4:
+                        out[:3] -= seat.axis * SLIDING_N
+                    break
+            if Fault.JAM in self.active:
+                out[:3] -= push * 18.0
+        if Fault.CONTACT in self.active:
+            if self._early_point is None and speed > 1e-4:
+                self._early_point, self._early_direction = position.copy(), velocity / speed
+            if self._early_point is not None and self._early_direction is not None:
+                depth = float((position - self._early_point) @ self._early_direction)
+                out[:3] -= self._early_direction * (EARLY_STIFFNESS_N_M * max(depth, 0.0))
+        if Fault.FORCE in self.active:
+            out[:3] += np.array([0.0, 30.0, 0.0])
+        return out
+
+    def clear(self, faults: Iterable[Fault]) -> None:
+        """Remove faults."""
+        self.active.difference_update(faults)
+        if Fault.CONTACT not in self.active:
+            self._early_point = self._early_direction = None
+
+    def grip_width(self, position: Array, wanted_m: float) -> tuple[float, bool]:
+        """Return the opening that closing fingers reach at `position`, and whether a part stopped them."""
+        if Fault.PART_MISSING in self.active:
+            return wanted_m, False
+        for where, width in self.parts:
+            if np.linalg.norm(where - position) < 0.01 and wanted_m <= width:
+                return width, True
+        return wanted_m, False

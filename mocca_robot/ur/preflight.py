@@ -1,0 +1,99 @@
+"""Before anything moves: is this the right robot, in the right state, at the right place, for this plan?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from mocca_robot.errors import InputError
+from mocca_robot.ur.dashboard import Identity, identify
+from mocca_robot.ur.models import robot_model
+from mocca_robot.ur.plan import Plan, Waypoint
+from mocca_robot.ur.pose import angle_rad, distance_m
+from mocca_robot.ur.status import ArmState
+
+SAFETY_SPACING_M = 0.05
+"""The controller is asked about waypoints at least this far apart, and about every end: it takes 20 ms a question."""
+
+
+def require_robot(host: str, plan: Plan, confirm: str) -> Identity:
+    """Return who answers at `host`, if it is the robot that the user named and if it is free to be moved.
+
+    `confirm` must be the controller's serial number, or the cell's name when the plan's cell records that serial
+    number: so a mistyped address never moves the robot next door. InputError says what does not fit.
+    """
+    identity = identify(host)
+    cell = plan.cell
+    named = confirm == identity.serial or (confirm == cell.name and cell.serial == identity.serial)
+    if not named:
+        hint = "the cell's name counts only when the plan's cell records the serial number; " if confirm == cell.name else ""
+        raise InputError(
+            f"--confirm names '{confirm}', but the robot at {host} has serial number {identity.serial}: {hint}"
+            "check that this is the robot you mean, then confirm its serial number."
+        )
+    if cell.serial is not None and cell.serial != identity.serial:
+        raise InputError(
+            f"The plan is for the cell '{cell.name}' with robot {cell.serial}; {host} is robot {identity.serial}. "
+            "Plan for this cell, or connect to the other robot."
+        )
+    model = robot_model(plan.robot)
+    if identity.model.upper().removesuffix("E") != model.dashboard_name:
+        raise InputError(f"The plan is for a {plan.robot}; the robot at {host} is a {identity.model}. Plan for that.")
+    checks = (
+        (identity.robot_mode == "RUNNING", f"robot mode {identity.robot_mode}", "power it on and release its brakes"),
+        (
+            identity.safety_status in ("NORMAL", "REDUCED"),
+            f"safety status {identity.safety_status}",
+            "have a person find the cause and clear it at the pendant; this program never unlocks a stop",
+        ),
+        (identity.remote_control, "local control", "switch the pendant to remote control"),
+        (
+            not identity.program_running,
+            "running another program",
+            "stop it at the pendant, or wait: two programs never share an arm",
+        ),
+    )
+    for good, what, remedy in checks:
+        if not good:
+            raise InputError(f"The robot at {host} is in {what}: {remedy}. Nothing was moved.")
+    return identity
+
+
+def blocking_findings(
+    plan: Plan, first_step: int, state: ArmState, tcp_offset: object, safe: Callable[[Waypoint], bool]
+) -> Iterator[str]:
+    """Yield what forbids to start `plan` at `first_step`, as sentences with value, limit and remedy."""
+    limits = plan.cell.limits
+    read = np.asarray(tcp_offset, dtype=np.float64)
+    if read.shape != (6,) or distance_m(read, plan.cell.tcp_offset) > 1e-4 or angle_rad(read, plan.cell.tcp_offset) > 1e-3:
+        yield f"the TCP offset reads back as {np.round(read, 4).tolist()}, the plan has {list(plan.cell.tcp_offset)}"
+    if abs(state.payload_kg - plan.cell.tool_mass_kg) > 1e-3:
+        yield f"the payload reads back as {state.payload_kg:.3f} kg, the gripper weighs {plan.cell.tool_mass_kg:.3f} kg"
+    first = plan.steps[first_step].moves[0].path[0]
+    gap, far = float(np.abs(np.subtract(state.q, first.q)).max()), distance_m(state.tcp, first.tcp)
+    if gap > limits.start_joint_rad or far > limits.start_distance_m:
+        yield (
+            f"step {first_step} ({plan.steps[first_step].part}), move 0, waypoint 0: the arm stands {gap:.4f} rad and "
+            f"{1e3 * far:.1f} mm away, limit {limits.start_joint_rad:g} rad and {1e3 * limits.start_distance_m:g} mm; "
+            f"move it to joint angles {np.round(first.q, 4).tolist()} with the pendant"
+        )
+    for i in range(first_step, len(plan.steps)):
+        for k, move in enumerate(plan.steps[i].moves):
+            for path in (move.path, *move.alternatives):
+                for w in spaced(path):
+                    if not safe(path[w]):
+                        yield (
+                            f"step {i} ({plan.steps[i].part}), move {k} ({move.kind}), waypoint {w}: outside the "
+                            f"controller's safety limits at {np.round(path[w].tcp[:3], 3).tolist()} m; plan inside them, "
+                            "or have the safety configuration reviewed"
+                        )
+
+
+def spaced(path: tuple[Waypoint, ...]) -> list[int]:
+    """Return the indices of the ends of a path and of waypoints at least 50 mm apart in between."""
+    out = [0]
+    for w in range(1, len(path) - 1):
+        if distance_m(path[w].tcp, path[out[-1]].tcp) >= SAFETY_SPACING_M:
+            out.append(w)
+    return out if len(path) == 1 else [*out, len(path) - 1]

@@ -1,0 +1,244 @@
+"""A plan as one URScript program, for a controller that is loaded from a file instead of steered over RTDE.
+
+What is lost against `execute`: no journal, no resume, no retries elsewhere in the cone, no supervision from outside.
+What remains: force guard, compliant insertion with measured depth and jam detection, width checks, and a halt with a
+message to the operator on anything unexpected. Unproven on hardware.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mocca_robot.errors import InputError
+from mocca_robot.ur.checks import require_sound
+from mocca_robot.ur.frames import frame_along
+from mocca_robot.ur.gripper import RobotiqSocket
+from mocca_robot.ur.limits import Limits
+from mocca_robot.ur.plan import Move, MoveKind, Plan, Step, Waypoint, insertion_axis
+from mocca_robot.ur.pose import distance_m
+
+BLEND_M = 0.002
+LARGEST = 1000.0
+"""No figure of a checked plan is larger; anything else is a unit mistake."""
+
+_HELPERS = """\
+  global guard_n = 0.0
+  global watching = False
+  def fail(message):
+    popup(message, title="mocca-robot", error=True, blocking=True)
+    halt
+  end
+  thread force_guard():
+    while True:
+      if watching:
+        if force() > guard_n:
+          watching = False
+          textmsg("force limit exceeded, newtons: ", guard_n)
+          halt
+        end
+      end
+      sync()
+    end
+  end
+  def zero():
+    watching = False
+    sleep(0.2)
+    zero_ftsensor()
+    sleep(0.1)
+  end
+  def along(start, axis):
+    now = get_actual_tcp_pose()
+    return (now[0] - start[0]) * axis[0] + (now[1] - start[1]) * axis[1] + (now[2] - start[2]) * axis[2]
+  end
+  def insert(frame_rotation, axis, depth, tolerance, push, speed, limit_n, jam_n, jam_s, jam_speed, seconds):
+    start = get_actual_tcp_pose()
+    frame = p[start[0], start[1], start[2], frame_rotation[0], frame_rotation[1], frame_rotation[2]]
+    guard_n = limit_n
+    watching = True
+    force_mode(frame, [1, 1, 1, 0, 0, 0], [0.0, 0.0, push, 0.0, 0.0, 0.0], 2, [speed, speed, speed, 0.087, 0.087, 0.087])
+    t = 0.0
+    mark_t = 0.0
+    mark_depth = 0.0
+    done = False
+    jammed = False
+    while t < seconds and not done and not jammed:
+      sync()
+      t = t + get_steptime()
+      if along(start, axis) >= depth - 0.5 * tolerance:
+        done = True
+      elif t - mark_t >= jam_s:
+        moved = along(start, axis) - mark_depth
+        if t > 0.5 and moved < jam_speed * jam_s and force() > jam_n:
+          jammed = True
+        end
+        mark_t = t
+        mark_depth = along(start, axis)
+      end
+    end
+    end_force_mode()
+    stopl(2.0)
+    watching = False
+    if jammed:
+      fail("The part jammed. Clear the cell before anything else.")
+    end
+    if along(start, axis) < depth - tolerance:
+      fail("The part did not reach its depth. Clear the cell before anything else.")
+    end
+  end
+"""
+
+
+def urscript(plan: Plan) -> str:
+    """Return the program; InputError when the plan is not sound (`checks.require_sound`) or a number is not usable."""
+    require_sound(plan)
+    cell = plan.cell
+    first = plan.first_waypoint
+    out = [
+        "def mocca_build():",
+        f"  # plan {plan.sha256[:16]}: {plan.robot}, {len(plan.steps)} parts, cell {_plain(cell.name)}",
+        "  # generated; unproven on hardware: run at reduced speed first, with a hand on the emergency stop",
+        *_HELPERS.splitlines(),
+        f"  set_tcp({_pose(cell.tcp_offset)})",
+        f"  set_payload({_number(cell.tool_mass_kg)}, {_list(cell.tool_cog_m)})",
+    ]
+    if plan.gripper == "2f85":
+        out += _gripper_helpers()
+    out += [
+        f"  goal = {_list(first.q)}",
+        "  here = get_actual_joint_positions()",
+        "  j = 0",
+        "  while j < 6:",
+        f"    if norm(here[j] - goal[j]) > {_number(cell.limits.start_joint_rad)}:",
+        '      fail("The arm does not stand at the first waypoint. Move it there, then start again.")',
+        "    end",
+        "    j = j + 1",
+        "  end",
+        f'  popup("{len(plan.steps)} parts will be built. Keep clear of the arm.", title="mocca-robot", blocking=True)',
+        "  run force_guard()",
+    ]
+    for i, step in enumerate(plan.steps):
+        out.append(f'  textmsg("step {i}: {_plain(step.part)}")')
+        for move in step.moves:
+            out += [f"  # {move.kind}", *_move(plan, step, move)]
+    out += ["  watching = False", f'  popup("{len(plan.steps)} parts are placed.", title="mocca-robot")', "end", ""]
+    return "\n".join(out)
+
+
+def _move(plan: Plan, step: Step, move: Move) -> list[str]:
+    limits = plan.cell.limits
+    if move.kind is MoveKind.INSERT:
+        return ["  zero()", _insert(move, limits)]
+    out = []
+    if len(move.path) > 1:
+        if move.kind in (MoveKind.TRANSIT, MoveKind.APPROACH, MoveKind.PICK):
+            out.append("  zero()")
+        contact = move.kind in (MoveKind.APPROACH, MoveKind.PICK)
+        guard = min(limits.contact_force_n, move.force_limit_n) if contact else move.force_limit_n
+        out += [f"  guard_n = {_number(guard)}", "  watching = True"]
+        if move.kind is MoveKind.TRANSIT:
+            out += _joint_path(move.path, limits)
+        else:
+            acceleration = limits.transfer_acceleration_m_s2
+            out.append(f"  movel({_list(move.path[-1].q)}, a={_number(acceleration)}, v={_number(move.speed_m_s)})")
+        out.append("  watching = False")
+    if move.kind in (MoveKind.PICK, MoveKind.RELEASE):
+        out += _grip(plan, step, move)
+    return out
+
+
+def _joint_path(path: Sequence[Waypoint], limits: Limits) -> list[str]:
+    """Return blended joint moves whose leading joint has the planned speed of each segment."""
+    out = []
+    for w in range(1, len(path)):
+        a, b = path[w - 1], path[w]
+        rate = float(np.abs(np.subtract(b.q, a.q)).max()) / (b.t - a.t)
+        length = distance_m(a.tcp, b.tcp)
+        following = distance_m(b.tcp, path[w + 1].tcp) if w + 1 < len(path) else 0.0
+        blend = min(BLEND_M, 0.4 * min(length, following))
+        speed = min(max(rate, 1e-3), limits.joint_speed_rad_s)
+        out.append(
+            f"  movej({_list(b.q)}, a={_number(limits.joint_acceleration_rad_s2)}, v={_number(speed)}, r={_number(blend)})"
+        )
+    return out
+
+
+def _insert(move: Move, limits: Limits) -> str:
+    axis, depth = insertion_axis(move.path)
+    rotation = frame_along(axis, move.path[0].tcp)[3:]
+    seconds = 1.1 * depth / limits.insert_speed_m_s + 2.0
+    numbers = (
+        depth, limits.depth_tolerance_m, limits.push_force_n, limits.insert_speed_m_s, move.force_limit_n,
+        limits.jam_force_n, limits.jam_time_s, limits.jam_speed_m_s, seconds,
+    )
+    return f"  insert({_list(rotation)}, {_list(axis)}, {', '.join(_number(n) for n in numbers)})"
+
+
+def _gripper_helpers() -> list[str]:
+    return [
+        f'  if not socket_open("127.0.0.1", {RobotiqSocket.PORT}, "gripper"):',
+        '    fail("The gripper does not answer. Install and activate its URCap.")',
+        "  end",
+        "  def grip(position, force_byte):",
+        '    socket_set_var("SPE", 64, "gripper")',
+        '    socket_set_var("FOR", force_byte, "gripper")',
+        '    socket_set_var("POS", position, "gripper")',
+        '    socket_set_var("GTO", 1, "gripper")',
+        "    sleep(0.3)",
+        "    t = 0.0",
+        '    while socket_get_var("OBJ", "gripper") == 0 and t < 4.0:',
+        "      sleep(0.05)",
+        "      t = t + 0.05",
+        "    end",
+        '    return socket_get_var("POS", "gripper")',
+        "  end",
+    ]
+
+
+def _grip(plan: Plan, step: Step, move: Move) -> list[str]:
+    cell, grasp = plan.cell, step.grasp
+    picks = move.kind is MoveKind.PICK
+    carried = cell.tool_mass_kg + (grasp.mass_kg if picks else 0.0)
+    both = zip(cell.tool_cog_m, grasp.cog_m, strict=True)
+    cog = [
+        (cell.tool_mass_kg * a + grasp.mass_kg * b) / max(carried, 1e-9) if picks else a for a, b in both
+    ]
+    payload = f"  set_payload({_number(carried)}, {_list(cog)})"
+    if plan.gripper == "none":
+        word = "Attach" if picks else "Detach"
+        return [f'  popup("{word} part {_plain(step.part)}.", title="mocca-robot", blocking=True)', payload]
+    stroke, (low, high) = RobotiqSocket.STROKE_M, RobotiqSocket.FORCE_N
+    position = round(255 * (1.0 - min(max(move.gripper_m / stroke, 0.0), 1.0)))
+    force = round(255 * min(max((grasp.force_n - low) / (high - low), 0.0), 1.0))
+    out = [f"  reached = grip({position}, {force})"]
+    if picks:
+        wanted = round(255 * (1.0 - grasp.width_m / stroke))
+        slack = max(1, round(255 * cell.limits.grip_tolerance_m / stroke))
+        out += [
+            f"  if reached > {wanted + slack} or reached < {wanted - slack}:",
+            f'    fail("Part {_plain(step.part)} is not between the fingers.")',
+            "  end",
+        ]
+    return [*out, payload]
+
+
+def _number(value: float) -> str:
+    """Return a number as URScript reads it; InputError unless it is finite and of sensible size."""
+    if not math.isfinite(value) or abs(value) > LARGEST:
+        raise InputError(f"The number {value!r} cannot go into a robot program; limit ±{LARGEST:g}. Plan again.")
+    return f"{value:.6f}"
+
+
+def _list(values: Sequence[float] | np.ndarray) -> str:  # type: ignore[type-arg]
+    return "[" + ", ".join(_number(float(v)) for v in values) + "]"
+
+
+def _pose(values: Sequence[float]) -> str:
+    return "p" + _list(values)
+
+
+def _plain(text: str) -> str:
+    """Return a name without anything that could end a string or a line of the program."""
+    return "".join(c if c.isalnum() or c in " _-.()" else "_" for c in text)[:60]
