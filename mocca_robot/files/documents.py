@@ -103,21 +103,24 @@ def parse_yaml(text: str, where: str) -> Any:
     """
     import yaml
 
-    loader = _plain_loader()(text)
+    loader = None
     try:
+        loader = _plain_loader()(text)
         return loader.get_single_data()
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = f" at line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         raise InputError(f"{where} is not usable YAML{place}: {error.problem or error.context}.") from None
     except yaml.YAMLError as error:
-        raise InputError(f"{where} is not usable YAML: {str(error).splitlines()[0]}.") from None
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{where} is not usable YAML: {reason}; the file may be damaged.") from None
     except RecursionError:
         raise InputError(f"{where} is nested too deeply to be a configuration.") from None
     except ValueError as error:
         raise InputError(f"{where} holds a number that cannot be used: {error}.") from None
     finally:
-        loader.dispose()
+        if loader is not None:
+            loader.dispose()
 
 
 def _plain_loader() -> Any:

@@ -324,9 +324,12 @@ def read_section(data: object, prefix: str, where: str, unit_m: float) -> dict[s
     Raises InputError for an unknown key, with the nearest known one, and for every value outside its limits.
     """
     known = section(prefix)
-    place = f"{where}: {prefix}" if prefix else where
-    given = checks.mapping(data, place, known)
-    return {name: known[name].value(value, f"{where}: {known[name].name}", unit_m) for name, value in given.items()}
+    single = prefix.endswith(".NAME")  # `where` names the part already
+    given = checks.mapping(data, where if single or not prefix else f"{where}: {prefix}", known)
+    return {
+        name: known[name].value(value, f"{where}: {name if single else known[name].name}", unit_m)
+        for name, value in given.items()
+    }
 
 
 def options(kind: type[Any], values: Mapping[str, Any]) -> Any:
