@@ -99,7 +99,7 @@ def wall(blocks: int, samples: int = 0) -> Case:
     width = min(10, blocks)
     rows = blocks // width
     faces, centroids = [], [np.array([0.0, 0.0, -1.0])]
-    x0 = [2.0 * c + (r % 2) for r in range(rows) for c in range(width)]
+    x0 = [2.0 * c + 0.8 * (r % 2) for r in range(rows) for c in range(width)]
     z0 = [float(r) for r in range(rows) for c in range(width)]
     up, right = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
     for b in range(rows * width):

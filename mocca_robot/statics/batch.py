@@ -185,7 +185,7 @@ def _worst_of_pairs(slack: Array, pair: IntArray, count: int) -> tuple[IntArray,
 def _pair_numbers(pairs: IntArray) -> IntArray:
     """Return (C,) a number for every ray that is the same for all rays of one pair of parts."""
     keys = pairs[:, 0] * (int(pairs.max(initial=0)) + 1) + pairs[:, 1]
-    return np.unique(keys, return_inverse=True)[1]
+    return np.asarray(np.unique(keys, return_inverse=True)[1])
 
 
 def _mask(name: str, mask: BoolArray | None, shape: tuple[int, int]) -> BoolArray:

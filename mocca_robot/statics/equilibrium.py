@@ -10,7 +10,8 @@ import numpy as np
 
 from mocca_robot.assembly import Array, BoolArray, IntArray
 from mocca_robot.errors import InputError
-from mocca_robot.statics.solvers import SolverFailed, kkt_residual, solve
+from mocca_robot.statics.interior_point import solve_interior_point
+from mocca_robot.statics.solvers import DENSE_LIMIT, SolverFailed, kkt_residual, solve
 from mocca_robot.statics.system import ContactSystem
 from mocca_robot.tolerances import TOLERANCES, Tolerances
 
@@ -72,7 +73,7 @@ def equilibrium(
         fixed: indices, or an (N,) boolean mask, of the parts that cannot move.
         friction: Coulomb coefficient; 0 = frictionless.
         about, length: reference points (N, d) and length unit of the measure E; see `ContactSystem`.
-        solver: name of a solver in `mocca_robot.statics.solvers.SOLVERS`, or 'auto'.
+        solver: 'auto', 'interior_point' (our own), or a name in `mocca_robot.statics.solvers.SOLVERS`.
 
     Raises InputError for shapes that do not fit or numbers that are not finite.
     """
@@ -118,7 +119,7 @@ def solve_system(
     if len(c) == 0:
         return EquilibriumResult(Status.NOT_IN_EQUILIBRIUM, 0.5, c, system.unscaled_motion(w), 0.0)
     try:
-        v, f = solve(system.matrix, w, c, solver)
+        v, f = _solved(system, w, c, solver)
     except SolverFailed:
         nan = np.full(len(c), np.nan)
         return EquilibriumResult(Status.INACCURATE, np.nan, nan, system.unscaled_motion(0 * w), np.inf)
@@ -126,6 +127,20 @@ def solve_system(
     kkt = kkt_residual(system.matrix, w, c, v, f)
     relative = float(np.linalg.norm(residual)) / scale
     return EquilibriumResult(verdict(relative, kkt, tolerances), 0.5 * relative**2, f, system.unscaled_motion(v), kkt)
+
+
+def _solved(system: ContactSystem, w: Array, c: Array, solver: str) -> tuple[Array, Array]:
+    """Return (v, f) from the named solver; 'auto' takes the fastest for the size and falls back on the others."""
+    if solver == "interior_point":
+        return solve_interior_point(system, w, c)
+    if solver == "auto" and len(w) * len(c) > DENSE_LIMIT:
+        try:
+            v, f = solve_interior_point(system, w, c)
+            if kkt_residual(system.matrix, w, c, v, f) <= 1e-8:
+                return v, f
+        except SolverFailed:
+            pass
+    return solve(system.matrix, w, c, solver)
 
 
 def verdict(relative_residual: float, kkt: float, tolerances: Tolerances = TOLERANCES) -> Status:

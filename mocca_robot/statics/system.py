@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,6 +12,9 @@ import scipy.sparse as sp
 from mocca_robot.assembly import Array, BoolArray, IntArray
 from mocca_robot.errors import InputError
 from mocca_robot.motion_cone import generalized_normals
+
+if TYPE_CHECKING:
+    from mocca_robot.statics.blocks import PairBlocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +111,13 @@ class ContactSystem:
         shape = (n, dof * int(self.free.sum()))
         index = (np.concatenate(rows), np.concatenate(cols))
         return sp.csr_array((np.concatenate(values), index), shape=shape)
+
+    @cached_property
+    def blocks(self) -> PairBlocks:
+        """Return the rays sorted by pair of parts, for the interior point; made once, for every load."""
+        from mocca_robot.statics.blocks import PairBlocks
+
+        return PairBlocks.of(self)
 
     def scaled(self, wrenches: Array) -> Array:
         """Return world wrenches (…, N, dof) about the origin as scaled unknown-space vectors (…, dof · free)."""

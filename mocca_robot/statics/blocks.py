@@ -1,0 +1,265 @@
+"""The structure of Eq. 7's normal equations: every ray acts on the relative motion of one pair of parts.
+
+With all motions u measured about one common point, B u is R_p (u_j − u_i) pair by pair, and BᵀDB is made of the
+small matrices H_p = R_pᵀ D R_p: +H_p on the diagonal blocks of i and j, −H_p between them, whatever the number of
+rays. Only the objective ½|v|², v = Y u about each part's own reference point, keeps a trace of those points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import lapack
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+from mocca_robot.assembly import Array, IntArray
+from mocca_robot.errors import MoccaError
+from mocca_robot.statics.system import ContactSystem
+
+
+class NotPositiveDefinite(MoccaError):
+    """Rounding has made a normal matrix indefinite."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bucket:
+    """Pairs that are stored with the same number m of rays.
+
+    Attributes:
+        pairs: (P,) numbers of the pairs.
+        rays: (P, dof, m) their rays, transposed, about the common point.
+        rows: where their P·m rows lie among all rows.
+    """
+
+    pairs: IntArray
+    rays: Array
+    rows: slice
+
+
+@dataclass(frozen=True, eq=False)
+class PairBlocks:
+    """Rays of a `ContactSystem` sorted by pair, for fast products with B, and the order of its banded Cholesky.
+
+    Rows are rays, some of them repeated so that many pairs share a row count; `source` says which ray a row is.
+
+    Attributes:
+        dof: 3 or 6.
+        size: number of unknowns n.
+        first, second: (P,) which free part is i and j of every pair; the number of free parts stands for ground.
+        buckets: the rays.
+        source: (M,) ray of every row; rays between fixed parts have no row.
+        n_rays: C.
+        to_own: (F, dof, dof) Y: u of every free part → its motion about its own reference point.
+    """
+
+    dof: int
+    first: IntArray
+    second: IntArray
+    buckets: tuple[Bucket, ...]
+    source: IntArray
+    n_rays: int
+    to_own: Array
+
+    @classmethod
+    def of(cls, system: ContactSystem, centre: Array | None = None) -> PairBlocks:
+        """Return the blocks of `system`, motions about `centre` (default: the mean reference point)."""
+        centre = system.about[system.free].mean(axis=0) if centre is None else centre
+        number = np.full(len(system.free), int(system.free.sum()))
+        number[system.free] = np.arange(int(system.free.sum()))
+        moved = system.free[system.pairs].any(axis=1)
+        keys = system.pairs[:, 0] * len(system.free) + system.pairs[:, 1]
+        order = np.flatnonzero(moved)[np.argsort(keys[moved], kind="stable")]
+        unique, starts, counts = np.unique(keys[order], return_index=True, return_counts=True)
+        rays = _about(system.rays_j, system.about[system.pairs[:, 1]] - centre, system.length)
+        buckets, sources, used = [], [], 0
+        stored = _round_up(counts)
+        for m in np.unique(stored):
+            mine = np.flatnonzero(stored == m)
+            # A pair with fewer rays repeats some of them: a repeated constraint changes nothing.
+            take = order[starts[mine, None] + np.arange(m) % counts[mine, None]]
+            buckets.append(
+                Bucket(mine, np.ascontiguousarray(rays[take].transpose(0, 2, 1)), slice(used, used + take.size))
+            )
+            sources.append(take.ravel())
+            used += take.size
+        first, second = number[unique // len(system.free)], number[unique % len(system.free)]
+        to_own = _shift(system.about[system.free] - centre, system.length)
+        source = np.concatenate(sources) if sources else np.zeros(0, dtype=np.int64)
+        return cls(system.dof, first, second, tuple(buckets), source, len(system.pairs), to_own)
+
+    @property
+    def size(self) -> int:
+        """Return the number of unknowns."""
+        return len(self.to_own) * self.dof
+
+    @cached_property
+    def incidence(self) -> sp.csr_array:
+        """Return (F, P): +1 where a free part is j of a pair, −1 where it is i."""
+        pair = np.arange(len(self.first))
+        n_free = len(self.to_own)
+        rows, columns = np.r_[self.second, self.first], np.r_[pair, pair]
+        signs = np.r_[np.ones(len(pair)), -np.ones(len(pair))]
+        keep = rows < n_free
+        return sp.csr_array((signs[keep], (rows[keep], columns[keep])), shape=(n_free, len(pair)))
+
+    def times(self, u: Array) -> Array:
+        """Return B u, (M,), for motions u (n,) about the common point."""
+        motions = np.concatenate([u.reshape(-1, self.dof), np.zeros((1, self.dof))])
+        relative = motions[self.second] - motions[self.first]
+        out = np.empty(len(self.source))
+        for b in self.buckets:
+            np.matmul(relative[b.pairs, None], b.rays, out=out[b.rows].reshape(len(b.pairs), 1, -1))
+        return out
+
+    def transposed_times(self, y: Array) -> Array:
+        """Return Bᵀ y, (n,), for one number y (M,) a row."""
+        wrench = np.empty((len(self.first), self.dof))
+        for b in self.buckets:
+            wrench[b.pairs] = np.matmul(b.rays, y[b.rows].reshape(len(b.pairs), -1, 1))[:, :, 0]
+        return np.asarray((self.incidence @ wrench).ravel())
+
+    def gram(self, d: Array) -> Array:
+        """Return (P, dof, dof) H_p = R_pᵀ diag(d) R_p for weights d (M,)."""
+        out = np.empty((len(self.first), self.dof, self.dof))
+        for b in self.buckets:
+            weighted = b.rays * d[b.rows].reshape(len(b.pairs), 1, -1)
+            out[b.pairs] = weighted @ b.rays.transpose(0, 2, 1)
+        return out
+
+    def own(self, u: Array) -> Array:
+        """Return v = Y u: motions about each part's reference point."""
+        return np.asarray((self.to_own @ u.reshape(-1, self.dof, 1)).ravel())
+
+    def own_transposed(self, w: Array) -> Array:
+        """Return Yᵀ w: wrenches about the common point."""
+        return np.asarray((self.to_own.transpose(0, 2, 1) @ w.reshape(-1, self.dof, 1)).ravel())
+
+    def inertia_times(self, u: Array) -> Array:
+        """Return YᵀY u."""
+        return np.asarray((self.mass @ u.reshape(-1, self.dof, 1)).ravel())
+
+    @cached_property
+    def mass(self) -> Array:
+        """Return (F, dof, dof) YᵀY, the Hessian of ½|v|² in u."""
+        return np.asarray(self.to_own.transpose(0, 2, 1) @ self.to_own)
+
+    @cached_property
+    def band(self) -> BandedLayout:
+        """Return where the blocks lie in the banded normal matrix."""
+        return BandedLayout.of(self)
+
+    def factor(self, gram: Array) -> Factor:
+        """Return the Cholesky factor of YᵀY + BᵀDB from the H_p of `gram`. Raises NotPositiveDefinite."""
+        return self.band.factor(self.mass, gram)
+
+
+@dataclass(frozen=True, eq=False)
+class BandedLayout:
+    """Order of the free parts that keeps neighbours close (reverse Cuthill–McKee), and the places of all blocks.
+
+    Attributes:
+        position: (n,) place of every unknown in that order.
+        width: number of subdiagonals.
+        diagonal: (F, dof²) flat places of the diagonal blocks' entries in LAPACK's lower banded storage; an
+            entry above the diagonal goes to a spare place behind the matrix.
+        between: (Q, dof²) the same for the blocks between two free parts, `pairs` (Q,) in number.
+        share: (F, P) which pairs touch which free part.
+    """
+
+    position: IntArray
+    width: int
+    diagonal: IntArray
+    between: IntArray
+    pairs: IntArray
+    share: sp.csr_array
+
+    @classmethod
+    def of(cls, blocks: PairBlocks) -> BandedLayout:
+        n_free, dof = len(blocks.to_own), blocks.dof
+        inner = np.flatnonzero((blocks.first < n_free) & (blocks.second < n_free))
+        i, j = blocks.first[inner], blocks.second[inner]
+        graph = sp.csr_array((np.ones(2 * len(i)), (np.r_[i, j], np.r_[j, i])), shape=(n_free, n_free))
+        candidates = (np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True)), np.arange(n_free))
+        places = [np.argsort(order) for order in candidates]
+        place = min(places, key=lambda p: int(np.abs(p[i] - p[j]).max(initial=0)))
+        width = (int(np.abs(place[i] - place[j]).max(initial=0)) + 1) * dof - 1
+        spare = (width + 1) * n_free * dof
+        local = np.arange(dof)
+
+        def flat(row: IntArray, column: IntArray) -> IntArray:
+            r = place[row][:, None, None] * dof + local[:, None]
+            c = place[column][:, None, None] * dof + local
+            return np.where(r >= c, (r - c) + c * (width + 1), spare).reshape(len(row), dof * dof)
+
+        low, high = np.where(place[i] > place[j], i, j), np.where(place[i] > place[j], j, i)
+        position = (place[:, None] * dof + local).ravel()
+        share = sp.csr_array(abs(blocks.incidence))
+        return cls(position, width, flat(np.arange(n_free), np.arange(n_free)), flat(low, high), inner, share)
+
+    def factor(self, mass: Array, gram: Array) -> Factor:
+        """Return the Cholesky factor of the matrix with +H_p on, and −H_p off the diagonal, plus `mass`."""
+        n, dof = len(self.position), mass.shape[1]
+        storage = np.zeros((self.width + 1) * n + 1)
+        on = self.share @ gram.reshape(len(gram), -1) + mass.reshape(len(mass), -1)
+        storage[self.diagonal] = on
+        storage[self.between] = -gram[self.pairs].reshape(-1, dof * dof)
+        banded = storage[:-1].reshape(n, self.width + 1).T  # Fortran order, as LAPACK wants it
+        cholesky, info = lapack.dpbtrf(banded, lower=1, overwrite_ab=1)
+        if info != 0:
+            raise NotPositiveDefinite(f"The normal matrix of size {n} is not positive definite at pivot {info}.")
+        return Factor(cholesky, self.position)
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """A banded Cholesky factor with the order of its unknowns."""
+
+    cholesky: Array
+    position: IntArray
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution for one right-hand side (n,)."""
+        ordered = np.empty((len(right), 1), order="F")
+        ordered[self.position, 0] = right
+        solution, _ = lapack.dpbtrs(self.cholesky, ordered, lower=1, overwrite_b=1)
+        return np.asarray(solution[self.position, 0])
+
+
+def _round_up(counts: IntArray) -> IntArray:
+    """Return counts rounded up to 1, 2, 3, 4, 6, 8, 12, 16, 24, …, or kept when all are the same."""
+    if len(counts) and (counts == counts[0]).all():
+        return counts
+    sizes = np.unique([(2 + odd) << k for k in range(40) for odd in (0, 1)] + [1])
+    return np.asarray(sizes[np.searchsorted(sizes, counts)])
+
+
+def _about(rays: Array, offset: Array, length: float) -> Array:
+    """Return rays [n; (r − a) × n / L] moved to a point that lies −offset from their a: r − a + offset."""
+    d = offset.shape[1]
+    n = rays[:, :d]
+    if d == 2:
+        extra = (offset[:, 0] * n[:, 1] - offset[:, 1] * n[:, 0])[:, None]
+    else:
+        extra = np.cross(offset, n)
+    return np.concatenate([n, rays[:, d:] + extra / length], axis=1)
+
+
+def _shift(offset: Array, length: float) -> Array:
+    """Return (F, dof, dof) Y with [velocity at offset; ω] = Y [velocity at the common point; ω], ω scaled by L."""
+    count, d = offset.shape
+    dof = 3 if d == 2 else 6
+    y = np.tile(np.eye(dof), (count, 1, 1))
+    if d == 2:
+        y[:, 0, 2], y[:, 1, 2] = -offset[:, 1] / length, offset[:, 0] / length
+    else:
+        x = offset / length
+        y[:, 0, 4], y[:, 0, 5] = x[:, 2], -x[:, 1]
+        y[:, 1, 3], y[:, 1, 5] = -x[:, 2], x[:, 0]
+        y[:, 2, 3], y[:, 2, 4] = x[:, 1], -x[:, 0]
+    return y
+
+
+__all__ = ["BandedLayout", "Bucket", "Factor", "NotPositiveDefinite", "PairBlocks"]
