@@ -94,7 +94,7 @@ def design(
     motions = part_motions(assembly, [planar(c) for c in found])
     problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad)
     start = _planar_start(assembly, shapes, motions, insertion)
-    before, _ = evaluate(problem, start)
+    before = evaluate(problem, start)
     narrow = _narrow_parts(assembly, motions)
 
     impossible = None
@@ -194,7 +194,7 @@ def _attempts(problem: Problem, start: Parameters) -> Iterator[tuple[str, Shapes
     )
     fitted, first = fit(problem, required, start)
     yield "few joints", fitted, first
-    planar_energy, _ = evaluate(problem, start)
+    planar_energy = evaluate(problem, start)
     hardest = np.sort(np.argsort(-planar_energy.infeasibility)[:8])
     selected, second = select(problem, start, hardest)
     yield "selected joints", selected, second

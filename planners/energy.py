@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -49,6 +50,7 @@ class Loads:
         d = assembly.dimension
         raw = np.array([case_wrenches(c, assembly, contacts) for c in cases])
         raw[..., d:] = (raw[..., d:] - cross(np.broadcast_to(about, raw[..., :d].shape), raw[..., :d])) / length
+        raw[~np.array([c.free for c in cases])] = 0.0
         unit = float(np.mean([p.mass for p in assembly.parts]) * np.linalg.norm(assembly.gravity))
         pairs = np.array([c.parts for c in contacts])
         present = np.array([c.present for c in cases])
@@ -63,6 +65,11 @@ class Loads:
             unit,
             thickness / unit,
         )
+
+    @cached_property
+    def scale(self) -> Array:
+        """Return (K,) |w| of each case."""
+        return np.maximum(np.linalg.norm(self.wrenches.reshape(len(self.wrenches), -1), axis=1), 1e-300)
 
     def only(self, cases: IntArray) -> Loads:
         """Return the loads of the cases with these indices."""
@@ -95,7 +102,7 @@ class EnergyResult:
     """E of every case, and what is needed to differentiate it.
 
     Attributes:
-        infeasibility: (K,) E/|w|².
+        infeasibility: (K,) E/|w|², |w| being that of the planar input, so that it does not move with the joints.
         motions: (K, N, dof) residual = collapse motion, scaled, divided by |w| of the case.
         forces: (K, E, R) contact forces divided by |w| of the case.
         batch: where the solver ended, from which a nearby problem starts.
@@ -129,14 +136,14 @@ def energy(
         loads.about,
         loads.length,
     )
-    scale = np.linalg.norm(wrenches.reshape(len(wrenches), -1), axis=1)
-    scale = np.maximum(scale, 1e-300)
+    scale = loads.scale
     scaled = wrenches[:, free].reshape(len(wrenches), -1) / scale[:, None]
     active = np.repeat(loads.active, rays, axis=1)
     result = solve_cases(system, scaled, active=active, free=loads.free, warm=None if warm is None else warm.batch)
     motions = np.zeros((len(wrenches), len(free), system.dof))
     motions[:, free] = result.residual.reshape(len(wrenches), -1, system.dof)
-    return EnergyResult(result.infeasibility, motions, result.forces.reshape(-1, count, rays), result)
+    infeasibility = 0.5 * (result.residual**2).sum(axis=1)
+    return EnergyResult(infeasibility, motions, result.forces.reshape(-1, count, rays), result)
 
 
 def local_power(result: EnergyResult, loads: Loads, pairs: IntArray, points: Array, normals: Array) -> Array:
@@ -158,9 +165,3 @@ def _velocity(motion: Array, arm: Array, length: float, d: int) -> Array:
     if d == 2:
         return np.asarray(linear + angular * np.stack([-arm[..., 1], arm[..., 0]], axis=-1))
     return np.asarray(linear + np.cross(np.broadcast_to(angular, arm.shape), arm))
-
-
-def load_power(result: EnergyResult, change: Array, wrenches: Array) -> float:
-    """Return Σ rᵀ dw for a change of wrenches (K, N, dof)."""
-    scale = np.linalg.norm(wrenches.reshape(len(wrenches), -1), axis=1)[:, None, None]
-    return float((result.motions * change / np.maximum(scale, 1e-300)).sum())

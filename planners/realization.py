@@ -74,16 +74,21 @@ VIOLATED = 1e-6
 
 def evaluate(
     problem: Problem, parameters: Parameters, inset: float = 0.0, warm: EnergyResult | None = None
-) -> tuple[EnergyResult, Array]:
-    """Return E of every case on the geometry of `parameters`, and the wrenches (K, N, dof) it was taken with.
+) -> EnergyResult:
+    """Return E of every case on the geometry of `parameters`, masses and centroids included.
 
     `inset` narrows each joint about its middle and lowers its bump by that share, for designing with a reserve.
     """
     shapes = problem.shapes
     surface = shapes.surface(_drawn(parameters), shapes.directions(parameters.lean))
-    wrenches = problem.loads.wrenches + problem.loads.moved(problem.pairs, *shapes.transferred(surface))
+    wrenches = moved_wrenches(problem, surface)
     points, normals = shapes.rays(_inset(shapes, surface, inset))
-    return energy(problem.loads, problem.pairs, points, normals, wrenches, warm), wrenches
+    return energy(problem.loads, problem.pairs, points, normals, wrenches, warm)
+
+
+def moved_wrenches(problem: Problem, surface: Array) -> Array:
+    """Return the wrenches (K, N, dof) of every case after the surfaces have moved mass between parts."""
+    return problem.loads.wrenches + problem.loads.moved(problem.pairs, *problem.shapes.transferred(surface))
 
 
 def _drawn(parameters: Parameters) -> Array:
@@ -118,10 +123,10 @@ def polish(
     count, parameters = 0, start
     working = np.zeros(len(problem.loads.gravity), dtype=np.bool_)
     while True:
-        with_reserve, _ = evaluate(problem, parameters, problem.shapes.options.inset)
+        with_reserve = evaluate(problem, parameters, problem.shapes.options.inset)
         failing = with_reserve.infeasibility > MARGIN_SOLVED
         violation = violation_of(problem, parameters)
-        true, _ = evaluate(problem, parameters)
+        true = evaluate(problem, parameters)
         solved = not failing.any() and true.infeasibility[: problem.required].max(initial=0.0) <= SOLVED
         if (solved and violation <= VIOLATED) or count >= evaluations or (count and not (failing & ~working).any()):
             return Polished(parameters, true.infeasibility, violation, count)
@@ -232,7 +237,7 @@ def _objective(
 ) -> tuple[float, Array, EnergyResult, float]:
     """Return value and gradient of energy + penalties, the energy itself (with inset), the worst violation."""
     shapes, options = problem.shapes, problem.shapes.options
-    result, wrenches = evaluate(problem, parameters, options.inset, warm)
+    result = evaluate(problem, parameters, options.inset, warm)
     surface = shapes.surface(_drawn(parameters), shapes.directions(parameters.lean))
     penalty, axis_gradient, violation = _constraints(problem, parameters, surface)
     curved = parameters.curved
@@ -249,7 +254,7 @@ def _objective(
         surface = shapes.surface(_drawn(moved), shapes.directions(lean))
         points, normals = shapes.rays(_inset(shapes, surface, options.inset))
         power = local_power(result, problem.loads, problem.pairs, points, normals)
-        power += _load_power_per_joint(problem, result, wrenches, *shapes.transferred(surface))
+        power += _load_power_per_joint(problem, result, *shapes.transferred(surface))
         h = shape[:, list(shapes.heights)] * curved[:, None]
         own = _constraints(problem, moved, surface)[0]
         return np.asarray(ENERGY_WEIGHT * power + PENALTY_WEIGHT * own + SHALLOW_WEIGHT * (h**2).sum(axis=1))
@@ -274,15 +279,12 @@ def _objective(
     return value, gradient, result, violation
 
 
-def _load_power_per_joint(
-    problem: Problem, result: EnergyResult, wrenches: Array, volume: Array, moment: Array
-) -> Array:
+def _load_power_per_joint(problem: Problem, result: EnergyResult, volume: Array, moment: Array) -> Array:
     """Return (E,) rᵀ dw of the mass each joint moves: linear in volume and moment, so evaluated per joint."""
     loads, pairs = problem.loads, problem.pairs
-    scale = np.maximum(np.linalg.norm(wrenches.reshape(len(wrenches), -1), axis=1), 1e-300)
     d = loads.about.shape[1]
     power = np.zeros(len(pairs))
-    for gravity, motion, unit in zip(loads.gravity, result.motions, scale):
+    for gravity, motion, unit in zip(loads.gravity, result.motions, loads.scale):
         for side, sign in ((0, 1.0), (1, -1.0)):
             part = pairs[:, side]
             density = sign * loads.weight_per_volume[part] / unit
