@@ -1,4 +1,4 @@
-"""A small made-up cell for the robot tests: a UR5e that picks parts from a tray and slides them in, and a fake of it."""
+"""A small made-up cell for the robot tests: a UR5e picks parts from a tray and slides them in. And a fake of it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ WIDTH = 0.03
 SPEEDUP = 4.0
 
 
-def line(start: Waypoint, to: Sequence[float], speed: float, acceleration: float, points: int = 12) -> tuple[Waypoint, ...]:
+def line(
+    start: Waypoint, to: Sequence[float], speed: float, acceleration: float, points: int = 12
+) -> tuple[Waypoint, ...]:
     """Return a straight minimum-jerk motion from a waypoint to a position, orientation kept."""
     a, b = np.array(start.tcp[:3]), np.asarray(to, dtype=float)
     length = float(np.linalg.norm(b - a))
@@ -47,42 +49,53 @@ def line(start: Waypoint, to: Sequence[float], speed: float, acceleration: float
     return tuple(out)
 
 
+def above(height: float) -> np.ndarray:
+    """Return a displacement straight up."""
+    return np.array([0.0, 0.0, height])
+
+
+SPEEDS = {MoveKind.TRANSIT: (0.10, 0.5), MoveKind.INSERT: (0.01, 0.1)}
+
+
+def part_moves(at: Waypoint, tray: np.ndarray, seat: np.ndarray) -> list[Move]:
+    """Return the moves that bring one part from a tray to its seat; the insertion has one alternative, 5.7° off."""
+    closed, opened = WIDTH - 0.002, 0.05
+    moves: list[Move] = []
+    for kind, to, gripper in (
+        (MoveKind.TRANSIT, tray + above(0.02), opened),
+        (MoveKind.APPROACH, tray + above(0.006), opened),
+        (MoveKind.PICK, tray, closed),
+        (MoveKind.LIFT, tray + above(0.01), closed),
+        (MoveKind.TRANSIT, seat + above(0.02), closed),
+        (MoveKind.APPROACH, seat + above(0.008), closed),
+        (MoveKind.INSERT, seat, closed),
+        (MoveKind.RELEASE, None, opened),
+        (MoveKind.RETREAT, seat + above(0.02), opened),
+    ):
+        speed, acceleration = SPEEDS.get(kind, (0.02, 0.5))
+        path = (replace(at, t=0.0),) if to is None else line(at, to, speed, acceleration)
+        others: tuple[tuple[Waypoint, ...], ...] = ()
+        if kind is MoveKind.INSERT:
+            tilted = seat - 0.008 * np.array([math.sin(0.1), 0.0, -math.cos(0.1)])
+            q = MODEL.solve_pose([*tilted, *at.tcp[3:]], at.q, TOOL)
+            others = (line(Waypoint(0.0, six(q), MODEL.tcp_pose(q, TOOL)), seat, speed, acceleration),)
+        moves.append(Move(kind, path, speed, 20.0, gripper, others))
+        at = path[-1]
+    return moves
+
+
 def small_plan(parts: int = 2, limits: Limits | None = None) -> Plan:
-    """Return a plan that places `parts` parts, with one alternative direction for every insertion."""
+    """Return a plan that places `parts` parts."""
     at = Waypoint(0.0, six(HOME), MODEL.tcp_pose(HOME, TOOL))
     home = np.array(at.tcp[:3])
     steps = []
     for k in range(parts):
-        tray = home + [0.0, -0.04 - 0.03 * k, -0.05]
-        seat = home + [0.0, 0.02 + 0.03 * k, -0.06]
-        moves: list[Move] = []
-
-        def add(kind: MoveKind, to: Sequence[float] | None, gripper: float, points: int = 12) -> None:
-            nonlocal at
-            speed, acceleration = {
-                MoveKind.TRANSIT: (0.10, 0.5), MoveKind.INSERT: (0.01, 0.1), MoveKind.RELEASE: (0.02, 0.5)
-            }.get(kind, (0.02, 0.5))
-            path = (replace(at, t=0.0),) if to is None else line(at, to, speed, acceleration, points)
-            others: tuple[tuple[Waypoint, ...], ...] = ()
-            if kind is MoveKind.INSERT and to is not None:
-                tilted = np.asarray(to) - 0.008 * np.array([math.sin(0.1), 0.0, -math.cos(0.1)])
-                q = MODEL.solve_pose([*tilted, *at.tcp[3:]], at.q, TOOL)
-                others = (line(Waypoint(0.0, six(q), MODEL.tcp_pose(q, TOOL)), to, speed, acceleration, points),)
-            moves.append(Move(kind, path, speed, 20.0, gripper, others))
-            at = path[-1]
-
-        add(MoveKind.TRANSIT, tray + [0, 0, 0.02], 0.05)
-        add(MoveKind.APPROACH, tray + [0, 0, 0.006], 0.05)
-        add(MoveKind.PICK, tray, WIDTH - 0.002)
-        add(MoveKind.LIFT, tray + [0, 0, 0.01], WIDTH - 0.002)
-        add(MoveKind.TRANSIT, seat + [0, 0, 0.02], WIDTH - 0.002)
-        add(MoveKind.APPROACH, seat + [0, 0, 0.008], WIDTH - 0.002)
-        add(MoveKind.INSERT, seat, WIDTH - 0.002)
-        add(MoveKind.RELEASE, None, 0.05)
-        add(MoveKind.RETREAT, seat + [0, 0, 0.02], 0.05)
-        steps.append(
-            Step(f"p{k + 1:02d}", Grasp(WIDTH, 0.2, (0.0, 0.0, 0.15)), tuple(moves), (0.0, 0.0, -1.0), math.radians(10))
-        )
+        tray = home + np.array([0.0, -0.04 - 0.03 * k, -0.05])
+        seat = home + np.array([0.0, 0.02 + 0.03 * k, -0.06])
+        moves = part_moves(at, tray, seat)
+        at = moves[-1].path[-1]
+        grasp = Grasp(WIDTH, 0.2, (0.0, 0.0, 0.15))
+        steps.append(Step(f"p{k + 1:02d}", grasp, tuple(moves), (0.0, 0.0, -1.0), math.radians(10)))
     cell = CELL if limits is None else replace(CELL, limits=limits)
     return Plan("0" * 64, "ur5e", "2f85", cell, tuple(steps))
 
@@ -92,12 +105,22 @@ def loopback(number: int) -> str:
     return f"127.{16 + os.getpid() % 200}.{os.getpid() // 200 % 250}.{2 + number}"
 
 
+def environment() -> dict[str, str]:
+    """Return the environment in which another Python process finds the same modules."""
+    root = str(Path(__file__).resolve().parents[1])
+    return {**os.environ, "PYTHONPATH": root, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
 @contextlib.contextmanager
 def fake_controller(plan_file: Path, host: str, *options: str) -> Iterator[str]:
     """Run a fake controller in a process of its own and yield its address."""
     command = [sys.executable, "-m", "mocca_robot.ur.fake", "--host", host, "--plan", str(plan_file)]
     process = subprocess.Popen(
-        [*command, "--speedup", str(SPEEDUP), *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        [*command, "--speedup", str(SPEEDUP), *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=environment(),
     )
     try:
         assert process.stdout is not None
@@ -107,3 +130,29 @@ def fake_controller(plan_file: Path, host: str, *options: str) -> Iterator[str]:
     finally:
         process.terminate()
         process.wait(10)
+
+
+CLI = """
+import argparse, sys
+from mocca_robot.errors import MoccaError
+from mocca_robot.ur.commands import register
+parser = argparse.ArgumentParser()
+register(parser.add_subparsers(required=True))
+args = parser.parse_args()
+try:
+    sys.exit(args.run(args))
+except MoccaError as error:
+    print(error, file=sys.stderr)
+    sys.exit(2)
+"""
+
+
+def command(*arguments: object) -> list[str]:
+    """Return the command line that runs one of this package's robot commands in a process of its own."""
+    return [sys.executable, "-c", CLI, *map(str, arguments)]
+
+
+def run(*arguments: object, **environment_too: str) -> subprocess.CompletedProcess[str]:
+    """Return a finished robot command, its output captured."""
+    everything = {**environment(), **environment_too}
+    return subprocess.run(command(*arguments), env=everything, capture_output=True, text=True, timeout=90)

@@ -78,7 +78,10 @@ def speed_cap(kind: MoveKind, limits: Limits) -> float:
 def _cell_findings(cell: Cell, model: RobotModel) -> Iterator[Finding]:
     if cell.tool_mass_kg < 0 or cell.tool_mass_kg > model.payload_kg:
         yield Finding(
-            "cell", "tool_mass_kg", f"{cell.tool_mass_kg:g}", f"0 to {model.payload_kg:g} kg ({model.name})",
+            "cell",
+            "tool_mass_kg",
+            f"{cell.tool_mass_kg:g}",
+            f"0 to {model.payload_kg:g} kg ({model.name})",
             "Use a lighter gripper or a stronger arm.",
         )
     if any(low >= high for low, high in zip(*cell.workspace_m, strict=True)):
@@ -93,13 +96,19 @@ def _step_findings(step: Step, plan: Plan, model: RobotModel, where: str) -> Ite
     carried = step.grasp.mass_kg + plan.cell.tool_mass_kg
     if step.grasp.mass_kg < 0 or carried > model.payload_kg:
         yield Finding(
-            where, "payload (part and gripper)", f"{carried:.3g} kg", f"0 to {model.payload_kg:g} kg ({model.name})",
+            where,
+            "payload (part and gripper)",
+            f"{carried:.3g} kg",
+            f"0 to {model.payload_kg:g} kg ({model.name})",
             "Make the part lighter, or use a stronger arm.",
         )
     low, high = plan.cell.gripper_stroke_m
     if plan.gripper != "none" and not low <= step.grasp.width_m <= high:
         yield Finding(
-            where, "grasp width", f"{1e3 * step.grasp.width_m:.1f} mm", f"{1e3 * low:.0f} to {1e3 * high:.0f} mm",
+            where,
+            "grasp width",
+            f"{1e3 * step.grasp.width_m:.1f} mm",
+            f"{1e3 * low:.0f} to {1e3 * high:.0f} mm",
             "Grasp the part elsewhere, or use a gripper that opens wide enough.",
         )
     kinds = [m.kind for m in step.moves]
@@ -117,22 +126,36 @@ def _move_findings(move: Move, step: Step, cell: Cell, model: RobotModel, where:
         yield Finding(where, "speed_m_s", f"{move.speed_m_s:g}", f"0 to {cap:g} m/s", "Slow the move down.")
     if not 0 < move.force_limit_n <= limits.abort_force_n:
         yield Finding(
-            where, "force_limit_n", f"{move.force_limit_n:g}", f"0 to {limits.abort_force_n:g} N", "Lower the force limit."
+            where,
+            "force_limit_n",
+            f"{move.force_limit_n:g}",
+            f"0 to {limits.abort_force_n:g} N",
+            "Lower the force limit.",
         )
     low, high = cell.gripper_stroke_m
     if not low <= move.gripper_m <= high:
         yield Finding(
-            where, "gripper_m", f"{move.gripper_m:g}", f"{low:g} to {high:g} m",
+            where,
+            "gripper_m",
+            f"{move.gripper_m:g}",
+            f"{low:g} to {high:g} m",
             "Grasp the part elsewhere, or use a gripper that opens wide enough.",
         )
-    for name, path in ((where, move.path), *((f"{where}, alternative {a}", p) for a, p in enumerate(move.alternatives))):
+    for name, path in (
+        (where, move.path),
+        *((f"{where}, alternative {a}", p) for a, p in enumerate(move.alternatives)),
+    ):
         yield from _path_findings(path, move, cell, model, name)
         if move.kind is MoveKind.INSERT:
             yield from _line_findings(path, step, name)
+            yield from _joint_gap(move.path[0], path[0], f"{name}, waypoint 0 against the move's own", limits)
             if distance_m(path[-1].tcp, move.path[-1].tcp) > STRAIGHT_M:
                 gap = distance_m(path[-1].tcp, move.path[-1].tcp)
                 yield Finding(
-                    name, "end", f"{1e3 * gap:.1f} mm from the move's end", f"{1e3 * STRAIGHT_M:.0f} mm",
+                    name,
+                    "end",
+                    f"{1e3 * gap:.1f} mm from the move's end",
+                    f"{1e3 * STRAIGHT_M:.0f} mm",
                     "Every alternative must end where the part belongs.",
                 )
 
@@ -166,17 +189,21 @@ def _path_findings(
 
 
 def _waypoint_findings(point: Waypoint, cell: Cell, model: RobotModel, here: str) -> Iterator[Finding]:
-    values = (point.t, *point.q, *point.tcp)
-    if len(point.q) != 6 or len(point.tcp) != 6:
-        yield Finding(here, "size", f"{len(point.q)} joints, {len(point.tcp)} pose values", "6 and 6", "Plan again.")
+    joints, pose = list(point.q), list(point.tcp)
+    if len(joints) != 6 or len(pose) != 6:
+        yield Finding(here, "size", f"{len(joints)} joints, {len(pose)} pose values", "6 and 6", "Plan again.")
         return
-    if not all(math.isfinite(v) for v in values):
-        yield Finding(here, "a value", f"{[v for v in values if not math.isfinite(v)][0]}", "finite", "Plan again.")
+    broken = [v for v in (point.t, *joints, *pose) if not math.isfinite(v)]
+    if broken:
+        yield Finding(here, "a value", f"{broken[0]}", "finite", "Plan again.")
         return
     largest = max(abs(v) for v in point.tcp[:3])
     if largest > MILLIMETRES:
         yield Finding(
-            here, "tcp", f"{largest:g} m from the base", f"{model.reach_m:g} m ({model.name})",
+            here,
+            "tcp",
+            f"{largest:g} m from the base",
+            f"{model.reach_m:g} m ({model.name})",
             "The pose looks like millimetres: divide by 1000.",
         )
         return
@@ -186,14 +213,19 @@ def _waypoint_findings(point: Waypoint, cell: Cell, model: RobotModel, here: str
     tool = math.hypot(*cell.tcp_offset[:3])
     if math.hypot(point.tcp[0], point.tcp[1], point.tcp[2] - model.d[0]) > model.reach_m + model.d[5] + tool:
         yield Finding(
-            here, "tcp", f"{np.round(point.tcp[:3], 3).tolist()} m", f"reach {model.reach_m:g} m ({model.name})",
+            here,
+            "tcp",
+            f"{np.round(point.tcp[:3], 3).tolist()} m",
+            f"reach {model.reach_m:g} m ({model.name})",
             "Move the part or the base closer together.",
         )
     actual = model.tcp_pose(point.q, cell.tcp_offset)
     gap, turn = distance_m(actual, point.tcp), angle_rad(actual, point.tcp)
     if gap > FK_DISTANCE_M or turn > FK_ANGLE_RAD:
         yield Finding(
-            here, "tcp against joint angles", f"{1e3 * gap:.1f} mm and {math.degrees(turn):.2f}° apart",
+            here,
+            "tcp against joint angles",
+            f"{1e3 * gap:.1f} mm and {math.degrees(turn):.2f}° apart",
             f"{1e3 * FK_DISTANCE_M:g} mm and {math.degrees(FK_ANGLE_RAD):.2f}°",
             "Pose and joints describe different places: check robot model and tcp_offset, plan again.",
         )
@@ -210,7 +242,10 @@ def _joint_gap(before: Waypoint, after: Waypoint, here: str, limits: Limits) -> 
     worst = int(np.argmax(jumps))
     if not jumps[worst] <= limits.joint_step_rad:
         yield Finding(
-            here, f"jump of joint {worst}", f"{jumps[worst]:.3g} rad", f"{limits.joint_step_rad:g} rad",
+            here,
+            f"jump of joint {worst}",
+            f"{jumps[worst]:.3g} rad",
+            f"{limits.joint_step_rad:g} rad",
             "Sample the path more finely; a branch change needs a transit of its own.",
         )
 
@@ -227,13 +262,18 @@ def _acceleration_findings(path: Sequence[Waypoint], move: Move, limits: Limits,
         (np.array([w.tcp[:3] for w in path]), cap, "acceleration of the tool", "m/s²"),
         (np.array([w.q for w in path]), limits.joint_acceleration_rad_s2, "acceleration of a joint", "rad/s²"),
     ):
-        rates = np.vstack([np.zeros(values.shape[1]), np.diff(values, axis=0) / steps[:, None], np.zeros(values.shape[1])])
+        rates = np.vstack(
+            [np.zeros(values.shape[1]), np.diff(values, axis=0) / steps[:, None], np.zeros(values.shape[1])]
+        )
         change = np.diff(rates, axis=0) / spans[:, None]
         size = np.linalg.norm(change, axis=1) if unit == "m/s²" else np.abs(change).max(axis=1)
         worst = int(np.argmax(size))
         if size[worst] > limit * ACCELERATION_SLACK:
             yield Finding(
-                f"{where}, waypoint {worst}", quantity, f"{size[worst]:.3g} {unit}", f"{limit:.3g} {unit}",
+                f"{where}, waypoint {worst}",
+                quantity,
+                f"{size[worst]:.3g} {unit}",
+                f"{limit:.3g} {unit}",
                 "Ramp the speed up and down more gently.",
             )
 
@@ -241,18 +281,36 @@ def _acceleration_findings(path: Sequence[Waypoint], move: Move, limits: Limits,
 def _line_findings(path: Sequence[Waypoint], step: Step, where: str) -> Iterator[Finding]:
     axis, depth = insertion_axis(path)
     if len(path) < 2 or depth < 1e-3:
-        yield Finding(where, "insertion depth", f"{1e3 * depth:.2f} mm", "at least 1 mm", "Start the insertion farther out.")
+        yield Finding(
+            where, "insertion depth", f"{1e3 * depth:.2f} mm", "at least 1 mm", "Start the insertion farther out."
+        )
         return
     offsets = np.array([w.tcp[:3] for w in path]) - np.array(path[0].tcp[:3])
     bend = float(np.linalg.norm(offsets - np.outer(offsets @ axis, axis), axis=1).max())
     if bend > STRAIGHT_M:
         yield Finding(
-            where, "bend of the insertion line", f"{1e3 * bend:.2f} mm", f"{1e3 * STRAIGHT_M:g} mm", "Insert along a line."
+            where,
+            "bend of the insertion line",
+            f"{1e3 * bend:.2f} mm",
+            f"{1e3 * STRAIGHT_M:g} mm",
+            "Insert along a line.",
+        )
+    turn = max(angle_rad(path[0].tcp, w.tcp) for w in path)
+    if turn > FK_ANGLE_RAD:
+        yield Finding(
+            where,
+            "turn of the part on the line",
+            f"{math.degrees(turn):.2f}°",
+            f"{math.degrees(FK_ANGLE_RAD):.2f}°",
+            "Insert without turning: compliant pushing keeps the orientation.",
         )
     if step.direction is not None:
         angle = math.acos(max(-1.0, min(1.0, float(axis @ np.asarray(step.direction)))))
         if angle > step.alpha_rad + CONE_SLACK_RAD:
             yield Finding(
-                where, "angle to the insertion direction", f"{math.degrees(angle):.2f}°",
-                f"{math.degrees(step.alpha_rad):.2f}° (the part's cone)", "Insert inside the cone.",
+                where,
+                "angle to the insertion direction",
+                f"{math.degrees(angle):.2f}°",
+                f"{math.degrees(step.alpha_rad):.2f}° (the part's cone)",
+                "Insert inside the cone.",
             )

@@ -37,7 +37,9 @@ def add_execute_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("plan", nargs="?", type=Path, help="plan.json; may be left out with --resume")
     parser.add_argument("--robot", metavar="HOST", help="address of the controller: the arm WILL MOVE")
-    parser.add_argument("--confirm", metavar="NAME", help="the robot's serial number, or the cell's name if it records it")
+    parser.add_argument(
+        "--confirm", metavar="NAME", help="the robot's serial number, or the cell's name if it records it"
+    )
     parser.add_argument("--journal", type=Path, help="journal to write (default: PLAN.journal.jsonl)")
     parser.add_argument("--resume", type=Path, metavar="JOURNAL", help="go on after an interruption")
     parser.add_argument(
@@ -50,7 +52,9 @@ def add_execute_options(parser: argparse.ArgumentParser) -> None:
 def add_fake_ur_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of `fake-ur`."""
     parser.add_argument("--host", default="127.0.0.2", help="loopback address to serve on (default 127.0.0.2)")
-    parser.add_argument("--plan", type=Path, help="start where this plan starts, with its parts, seats and serial number")
+    parser.add_argument(
+        "--plan", type=Path, help="start where this plan starts, with its parts, seats and serial number"
+    )
     parser.add_argument("--model", default="ur5e", help="robot model when no plan is given (default ur5e)")
     parser.add_argument("--serial", help="serial number to answer with")
     parser.add_argument("--speedup", type=float, default=1.0, help="run the robot's clock this much faster (default 1)")
@@ -140,9 +144,13 @@ def _build(
         return _report(args.json, {"status": "succeeded", "detail": "every step is finished already", "journal": ""})
     target = args.resume if args.resume is not None else args.journal or path.with_suffix(".journal.jsonl")
     if record is None and target.exists():
-        raise InputError(f"The journal {target} exists. Continue it with --resume {target}, or name another with --journal.")
+        raise InputError(
+            f"The journal {target} exists. Continue it with --resume {target}, or name another with --journal."
+        )
     interrupted: list[int] = []
-    before = {n: signal.signal(n, lambda number, _: interrupted.append(number)) for n in (signal.SIGINT, signal.SIGTERM)}
+    before = {
+        n: signal.signal(n, lambda number, _: interrupted.append(number)) for n in (signal.SIGINT, signal.SIGTERM)
+    }
     try:
         with UrArm(args.robot, plan, args.confirm, cancelled=lambda: bool(interrupted)) as arm:
             if record is None:
@@ -152,13 +160,17 @@ def _build(
                 _note_resume(journal, plan, record, resolution)
             with journal:
                 if first >= len(plan.steps):
-                    return _report(args.json, {"status": "succeeded", "detail": "every step is finished", "journal": str(target)})
+                    return _report(
+                        args.json, {"status": "succeeded", "detail": "every step is finished", "journal": str(target)}
+                    )
                 result = execute(plan, arm, journal, first, say)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
     last = result.last.document()
-    last.update(status=str(result.status), detail=result.detail, steps_finished=result.steps_finished, journal=str(target))
+    last.update(
+        status=str(result.status), detail=result.detail, steps_finished=result.steps_finished, journal=str(target)
+    )
     return _report(args.json, last)
 
 
@@ -181,7 +193,9 @@ def _report(as_json: bool, values: dict[str, Any]) -> int:
         print(f"{values['status']}{where}: {values.get('detail', '')}".rstrip(": "))
         if values["status"] != "succeeded":
             seen = values.get("stop_observed")
-            print(f"standstill measured: {'yes' if seen else 'not needed' if seen is None else 'NO: look at the robot'}")
+            print(
+                f"standstill measured: {'yes' if seen else 'not needed' if seen is None else 'NO: look at the robot'}"
+            )
         if values.get("journal"):
             print(f"journal: {values['journal']}")
     return 0 if values["status"] == "succeeded" else 1

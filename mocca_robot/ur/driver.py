@@ -16,6 +16,7 @@ import numpy as np
 from mocca_robot.assembly import Array
 from mocca_robot.errors import InputError
 from mocca_robot.ur import dashboard
+from mocca_robot.ur.checks import require_sound
 from mocca_robot.ur.frames import frame_along
 from mocca_robot.ur.gripper import Grip, Gripper, GripperLost, connect
 from mocca_robot.ur.limits import Limits
@@ -56,9 +57,7 @@ class UrArm:
     robot cannot be used. `cancelled` is asked in every cycle; once it returns True, motions end with CANCELLED.
     """
 
-    def __init__(
-        self, host: str, plan: Plan, confirm: str, cancelled: Callable[[], bool] = lambda: False
-    ) -> None:
+    def __init__(self, host: str, plan: Plan, confirm: str, cancelled: Callable[[], bool] = lambda: False) -> None:
         self.host = host
         self.plan = plan
         self.limits: Limits = plan.cell.limits
@@ -80,6 +79,7 @@ class UrArm:
     # Opening and closing
 
     def __enter__(self) -> UrArm:
+        require_sound(self.plan)
         self._lock.__enter__()
         try:
             identity = require_robot(self.host, self.plan, self._confirm)
@@ -458,18 +458,23 @@ class UrArm:
             detail = f"{1e3 * drift:.1f} mm sideways, limit {1e3 * LATERAL_M:g} mm"
             raise Stopped(ExecutionStatus.TRAVEL_LIMIT, detail, state)
         if depth > wanted + BEYOND_M or depth < -BEYOND_M:
-            detail = f"{1e3 * depth:.1f} mm along the axis, allowed {-1e3 * BEYOND_M:g} to {1e3 * (wanted + BEYOND_M):.1f}"
+            detail = (
+                f"{1e3 * depth:.1f} mm along the axis, allowed {-1e3 * BEYOND_M:g} to {1e3 * (wanted + BEYOND_M):.1f}"
+            )
             raise Stopped(ExecutionStatus.TRAVEL_LIMIT, detail, state)
 
     def _check_jam(self, history: deque[tuple[float, float, float]], began: float, state: ArmState) -> None:
         """Jam: slower than 2 mm/s while pushing hard for 0.25 s; stall: slower than that for 1 s at any force."""
         now = state.time_s
-        while history and history[0][0] < now - 1.5 * STALL_S:
+        while history and history[0][0] < now - 2.0 * STALL_S:
             history.popleft()
         for window, force in ((self.limits.jam_time_s, self.limits.jam_force_n), (STALL_S, 0.0)):
-            recent = [h for h in history if h[0] >= now - window - 1e-6]
-            if now - began < PUSH_GRACE_S + window or len(recent) < 3:
+            if now - began < PUSH_GRACE_S + window:
                 continue
+            first = max((k for k, h in enumerate(history) if h[0] <= now - window), default=None)
+            if first is None:
+                continue
+            recent = [history[k] for k in range(first, len(history))]
             travel, span = recent[-1][1] - recent[0][1], recent[-1][0] - recent[0][0]
             if span > 0 and travel < self.limits.jam_speed_m_s * span and min(h[2] for h in recent) >= force:
                 detail = f"{1e3 * travel / span:.1f} mm/s at {recent[-1][2]:.1f} N for {span:.2f} s"
@@ -486,4 +491,3 @@ class UrArm:
 def _interpolate(times: Array, values: Array, t: float) -> Array:
     """Return values (k,) at time t of a piecewise linear path; its ends beyond them."""
     return np.array([float(np.interp(t, times, column)) for column in values.T])
-

@@ -62,7 +62,9 @@ class DryRun:
                 )
             joints = " ".join(f"{v:8.4f}" for v in row.q)
             pose = " ".join(f"{v:8.4f}" for v in row.tcp)
-            lines.append(f"  {row.waypoint:4d} t {row.t_s:7.3f} s  q {joints}  tcp {pose}  {1e3 * row.speed_m_s:6.1f} mm/s")
+            lines.append(
+                f"  {row.waypoint:4d} t {row.t_s:7.3f} s  q {joints}  tcp {pose}  {1e3 * row.speed_m_s:6.1f} mm/s"
+            )
         lines.extend(f"REFUSED {f}" for f in self.findings)
         if not self.findings:
             lines.append("every waypoint is within the limits of arm, cell and driver")
@@ -107,8 +109,18 @@ def _rows(
         speed = distance_m(point.tcp, before.tcp) / duration if duration > 0 else 0.0
         out.append(
             Row(
-                step, part, move, str(what.kind), alternative, w, point.t, point.q, point.tcp, speed,
-                what.force_limit_n, what.gripper_m,
+                step,
+                part,
+                move,
+                str(what.kind),
+                alternative,
+                w,
+                point.t,
+                point.q,
+                point.tcp,
+                speed,
+                what.force_limit_n,
+                what.gripper_m,
             )
         )
     return out

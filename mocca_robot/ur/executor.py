@@ -1,4 +1,4 @@
-"""Walking a plan: every step on any Arm, every motion into the journal before and after it, nothing repeated by itself."""
+"""Walking a plan on any Arm: every motion into the journal before and after it, nothing repeated by itself."""
 
 from __future__ import annotations
 
@@ -48,9 +48,7 @@ class _Recorder:
             self.listener(event)
 
 
-def execute(
-    plan: Plan, arm: Arm, journal: Journal, first_step: int = 0, listener: Listener | None = None
-) -> Execution:
+def execute(plan: Plan, arm: Arm, journal: Journal, first_step: int = 0, listener: Listener | None = None) -> Execution:
     """Return how building `plan` on `arm` ended, from `first_step` on.
 
     Every event is in the journal before the next motion begins. The first motion that does not succeed ends the

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from mocca_robot.assembly import Array
 from mocca_robot.ur.interface import Arm
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.plan import Move, Step, Waypoint, insertion_axis
@@ -72,8 +73,8 @@ def _bridge(a: Waypoint, b: Waypoint, limits: Limits) -> tuple[Waypoint, ...]:
     return tuple(_at(times, q, tcp, seconds * s, seconds * s) for s in np.linspace(0.0, 1.0, BRIDGE_POINTS))
 
 
-def _at(times: np.ndarray, q: np.ndarray, tcp: np.ndarray, t: float, stamp: float) -> Waypoint:  # type: ignore[type-arg]
-    def pick(values: np.ndarray) -> tuple[float, float, float, float, float, float]:  # type: ignore[type-arg]
+def _at(times: Array, q: Array, tcp: Array, t: float, stamp: float) -> Waypoint:
+    def pick(values: Array) -> tuple[float, float, float, float, float, float]:
         a, b, c, d, e, f = (float(np.interp(t, times, column)) for column in values.T)
         return a, b, c, d, e, f
 

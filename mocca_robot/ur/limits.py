@@ -68,7 +68,9 @@ class Limits:
             floor = _FLOORS.get(name, 0.0)
             if name in RAISE_IS_SAFER:
                 if value < cap:
-                    raise InputError(f"Limit '{name}' is {value:g}; below {cap:g} would be less safe, give at least that.")
+                    raise InputError(
+                        f"Limit '{name}' is {value:g}; below {cap:g} would be less safe, give at least that."
+                    )
             elif not floor <= value <= cap:
                 raise InputError(
                     f"Limit '{name}' is {value:g}; it must lie between {floor:g} and the driver's cap {cap:g}, which "

@@ -66,6 +66,8 @@ class Link:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "mocca_robot.ur.link", role, host, str(child.fileno())],
                 pass_fds=[child.fileno()],
+                # The child sees the modules that this process sees, installed or not.
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
                 stdin=subprocess.DEVNULL,
                 stdout=self._log,
                 stderr=self._log,

@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 from types import TracebackType
 
-from mocca_robot.errors import InputError
+from mocca_robot.errors import EnvironmentNeeded, InputError
 
 
 class RobotLock:
@@ -26,7 +26,13 @@ class RobotLock:
     def __enter__(self) -> RobotLock:
         import fcntl
 
-        descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
+        except OSError as error:
+            raise EnvironmentNeeded(
+                f"Cannot open the robot's lock {self.path} ({error.strerror}). Another user may own the robot: "
+                "ask them."
+            ) from error
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

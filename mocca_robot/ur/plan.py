@@ -8,11 +8,11 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from mocca_robot.ur.pose import Six, Three, six, three
 FORMAT = "mocca-robot/plan"
 VERSION = 1
 GRIPPERS = ("2f85", "none")
-T = TypeVar("T")
 
 
 class MoveKind(StrEnum):
@@ -259,7 +258,9 @@ def plan_from_document(raw: object, source: str = "plan") -> Plan:
         raise InputError(f"{source}: 'format' is {top.get('format')!r}, not '{FORMAT}'. Give a plan.json.")
     version = top.get("version")
     if version != VERSION:
-        raise InputError(f"{source}: plan version {version!r}; this program reads version {VERSION}. Plan again with it.")
+        raise InputError(
+            f"{source}: plan version {version!r}; this program reads version {VERSION}. Plan again with it."
+        )
     if top.get("units", "m") != "m":
         raise InputError(f"{source}: 'units' is {top['units']!r}; plans are in metres. Plan again.")
     gripper = _text(top, "gripper", source)
@@ -356,16 +357,14 @@ def _path(raw: Sequence[Any], where: str) -> tuple[Waypoint, ...]:
 
 
 def _mapping(value: object, where: str) -> Mapping[str, Any]:
-    return _typed(value, where, "an object", lambda v: isinstance(v, dict))
+    if not isinstance(value, dict):
+        raise InputError(f"{where} is {_short(value)}, not an object. Plan again.")
+    return value
 
 
 def _sequence(value: object, where: str) -> Sequence[Any]:
-    return _typed(value, where, "a list", lambda v: isinstance(v, list))
-
-
-def _typed(value: Any, where: str, wanted: str, test: Callable[[object], bool]) -> Any:
-    if not test(value):
-        raise InputError(f"{where} is {_short(value)}, not {wanted}. Plan again.")
+    if not isinstance(value, list):
+        raise InputError(f"{where} is {_short(value)}, not a list. Plan again.")
     return value
 
 

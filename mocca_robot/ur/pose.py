@@ -29,16 +29,16 @@ def rotation_matrix(rotvec: Sequence[float] | Array) -> Array:
     r = np.asarray(rotvec, dtype=np.float64)
     angle = float(np.linalg.norm(r))
     if angle < 1e-12:
-        return np.eye(3) + _cross(r)
+        near: Array = np.eye(3) + _cross(r)
+        return near
     k = _cross(r / angle)
-    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
+    rotation: Array = np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k)
+    return rotation
 
 
 def rotation_vector(rotation: Array) -> Array:
     """Return the rotation vector (3,) of a rotation matrix, angle in [0, π]."""
-    skew = np.array(
-        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
-    )
+    skew = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
     sine, cosine = float(np.linalg.norm(skew)) / 2.0, (float(np.trace(rotation)) - 1.0) / 2.0
     angle = float(np.arctan2(sine, cosine))
     if sine > 1e-7:

@@ -27,7 +27,11 @@ def require_robot(host: str, plan: Plan, confirm: str) -> Identity:
     cell = plan.cell
     named = confirm == identity.serial or (confirm == cell.name and cell.serial == identity.serial)
     if not named:
-        hint = "the cell's name counts only when the plan's cell records the serial number; " if confirm == cell.name else ""
+        hint = (
+            "the cell's name counts only when the plan's cell records the serial number; "
+            if confirm == cell.name
+            else ""
+        )
         raise InputError(
             f"--confirm names '{confirm}', but the robot at {host} has serial number {identity.serial}: {hint}"
             "check that this is the robot you mean, then confirm its serial number."
@@ -66,7 +70,11 @@ def blocking_findings(
     """Yield what forbids to start `plan` at `first_step`, as sentences with value, limit and remedy."""
     limits = plan.cell.limits
     read = np.asarray(tcp_offset, dtype=np.float64)
-    if read.shape != (6,) or distance_m(read, plan.cell.tcp_offset) > 1e-4 or angle_rad(read, plan.cell.tcp_offset) > 1e-3:
+    if (
+        read.shape != (6,)
+        or distance_m(read, plan.cell.tcp_offset) > 1e-4
+        or angle_rad(read, plan.cell.tcp_offset) > 1e-3
+    ):
         yield f"the TCP offset reads back as {np.round(read, 4).tolist()}, the plan has {list(plan.cell.tcp_offset)}"
     if abs(state.payload_kg - plan.cell.tool_mass_kg) > 1e-3:
         yield f"the payload reads back as {state.payload_kg:.3f} kg, the gripper weighs {plan.cell.tool_mass_kg:.3f} kg"
@@ -85,7 +93,7 @@ def blocking_findings(
                     if not safe(path[w]):
                         yield (
                             f"step {i} ({plan.steps[i].part}), move {k} ({move.kind}), waypoint {w}: outside the "
-                            f"controller's safety limits at {np.round(path[w].tcp[:3], 3).tolist()} m; plan inside them, "
+                            f"controller's safety limits: {np.round(path[w].tcp[:3], 3).tolist()} m; plan inside them, "
                             "or have the safety configuration reviewed"
                         )
 

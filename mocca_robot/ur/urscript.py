@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mocca_robot.assembly import Array
 from mocca_robot.errors import InputError
 from mocca_robot.ur.checks import require_sound
 from mocca_robot.ur.frames import frame_along
@@ -58,7 +59,8 @@ _HELPERS = """\
     frame = p[start[0], start[1], start[2], frame_rotation[0], frame_rotation[1], frame_rotation[2]]
     guard_n = limit_n
     watching = True
-    force_mode(frame, [1, 1, 1, 0, 0, 0], [0.0, 0.0, push, 0.0, 0.0, 0.0], 2, [speed, speed, speed, 0.087, 0.087, 0.087])
+    caps = [speed, speed, speed, @TILT@, @TILT@, @TILT@]
+    force_mode(frame, [1, 1, 1, 0, 0, 0], [0.0, 0.0, push, 0.0, 0.0, 0.0], 2, caps)
     t = 0.0
     mark_t = 0.0
     mark_depth = 0.0
@@ -100,7 +102,7 @@ def urscript(plan: Plan) -> str:
         "def mocca_build():",
         f"  # plan {plan.sha256[:16]}: {plan.robot}, {len(plan.steps)} parts, cell {_plain(cell.name)}",
         "  # generated; unproven on hardware: run at reduced speed first, with a hand on the emergency stop",
-        *_HELPERS.splitlines(),
+        *_HELPERS.replace("@TILT@", _number(cell.limits.abort_tilt_rad)).splitlines(),
         f"  set_tcp({_pose(cell.tcp_offset)})",
         f"  set_payload({_number(cell.tool_mass_kg)}, {_list(cell.tool_cog_m)})",
     ]
@@ -117,7 +119,7 @@ def urscript(plan: Plan) -> str:
         "    j = j + 1",
         "  end",
         f'  popup("{len(plan.steps)} parts will be built. Keep clear of the arm.", title="mocca-robot", blocking=True)',
-        "  run force_guard()",
+        "  guard = run force_guard()",
     ]
     for i, step in enumerate(plan.steps):
         out.append(f'  textmsg("step {i}: {_plain(step.part)}")')
@@ -159,9 +161,8 @@ def _joint_path(path: Sequence[Waypoint], limits: Limits) -> list[str]:
         following = distance_m(b.tcp, path[w + 1].tcp) if w + 1 < len(path) else 0.0
         blend = min(BLEND_M, 0.4 * min(length, following))
         speed = min(max(rate, 1e-3), limits.joint_speed_rad_s)
-        out.append(
-            f"  movej({_list(b.q)}, a={_number(limits.joint_acceleration_rad_s2)}, v={_number(speed)}, r={_number(blend)})"
-        )
+        a_max = _number(limits.joint_acceleration_rad_s2)
+        out.append(f"  movej({_list(b.q)}, a={a_max}, v={_number(speed)}, r={_number(blend)})")
     return out
 
 
@@ -170,8 +171,15 @@ def _insert(move: Move, limits: Limits) -> str:
     rotation = frame_along(axis, move.path[0].tcp)[3:]
     seconds = 1.1 * depth / limits.insert_speed_m_s + 2.0
     numbers = (
-        depth, limits.depth_tolerance_m, limits.push_force_n, limits.insert_speed_m_s, move.force_limit_n,
-        limits.jam_force_n, limits.jam_time_s, limits.jam_speed_m_s, seconds,
+        depth,
+        limits.depth_tolerance_m,
+        limits.push_force_n,
+        limits.insert_speed_m_s,
+        move.force_limit_n,
+        limits.jam_force_n,
+        limits.jam_time_s,
+        limits.jam_speed_m_s,
+        seconds,
     )
     return f"  insert({_list(rotation)}, {_list(axis)}, {', '.join(_number(n) for n in numbers)})"
 
@@ -202,9 +210,7 @@ def _grip(plan: Plan, step: Step, move: Move) -> list[str]:
     picks = move.kind is MoveKind.PICK
     carried = cell.tool_mass_kg + (grasp.mass_kg if picks else 0.0)
     both = zip(cell.tool_cog_m, grasp.cog_m, strict=True)
-    cog = [
-        (cell.tool_mass_kg * a + grasp.mass_kg * b) / max(carried, 1e-9) if picks else a for a, b in both
-    ]
+    cog = [(cell.tool_mass_kg * a + grasp.mass_kg * b) / max(carried, 1e-9) if picks else a for a, b in both]
     payload = f"  set_payload({_number(carried)}, {_list(cog)})"
     if plan.gripper == "none":
         word = "Attach" if picks else "Detach"
@@ -231,7 +237,7 @@ def _number(value: float) -> str:
     return f"{value:.6f}"
 
 
-def _list(values: Sequence[float] | np.ndarray) -> str:  # type: ignore[type-arg]
+def _list(values: Sequence[float] | Array) -> str:
     return "[" + ", ".join(_number(float(v)) for v in values) + "]"
 
 

@@ -8,7 +8,9 @@ import sys
 from mocca_robot.errors import MoccaError
 from mocca_robot.ur.commands import add_fake_ur_options, run_fake_ur
 
-parser = argparse.ArgumentParser(prog="python -m mocca_robot.ur.fake", description=sys.modules["mocca_robot.ur.fake"].__doc__)
+parser = argparse.ArgumentParser(
+    prog="python -m mocca_robot.ur.fake", description=sys.modules["mocca_robot.ur.fake"].__doc__
+)
 add_fake_ur_options(parser)
 try:
     sys.exit(run_fake_ur(parser.parse_args()))

@@ -85,6 +85,8 @@ class FakeArm:
     def begin(self, mode: str) -> None:
         """Note that a kind of action begins, which is what faults wait for."""
         self.begun[mode] = self.begun.get(mode, 0) + 1
+        if mode == "force":
+            self.world.clear({Fault.JAM_ONCE})
         for trigger in self.triggers:
             if trigger.armed_at is None and trigger.mode == mode and self.begun[mode] == trigger.nth:
                 trigger.armed_at = self.time_s + trigger.delay_s
@@ -191,7 +193,9 @@ class FakeArm:
         values = np.array(self.doubles[:18])
         if command in (1, 3):
             self._linear = command == 3
-            self._target_q = self.model.solve_pose(values[:6], self.q, list(self.tcp_offset)) if self._linear else values[:6]
+            self._target_q = (
+                self.model.solve_pose(values[:6], self.q, list(self.tcp_offset)) if self._linear else values[:6]
+            )
             self._rates = (max(values[6], 1e-6), max(values[7], 1e-6))
             self.begin("path")
             self.mode, self._busy = "path", self.ints[1] == 0
@@ -199,9 +203,9 @@ class FakeArm:
             self.mode = "idle"
         elif command == 8:
             self._zero = self._raw.copy()
-        elif command == 17:
+        elif command == 17 and Fault.PAYLOAD_IGNORED not in self.world.active:
             self.payload_kg, self.payload_cog = float(values[0]), values[1:4]
-        elif command == 29:
+        elif command == 29 and Fault.TCP_IGNORED not in self.world.active:
             self.tcp_offset = values[:6]
         elif command == 35:
             self.watchdog_s = 1.0 / max(values[0], 1e-3)
@@ -219,7 +223,7 @@ class FakeArm:
             self.out_ints[1] = int(float(np.abs(self.qd).max()) < 1e-3)
         elif command == 255:
             self.stop_program("by its client")
-        elif command not in (20, 21):
+        elif command not in (17, 20, 21, 29):
             raise InputError(f"command {command} is not part of the fake controller")
 
     def _safe(self, values: Array, joints: bool) -> bool:
@@ -249,10 +253,12 @@ class FakeArm:
         self._raw = self.world.force(self.tcp[:3, 3], velocity, push)
 
     def _velocity(self, dt: float) -> Array:
+        if Fault.STUCK in self.world.active:
+            return np.zeros(6)
         if self.mode == "servo":
             return (self._target_q - self.q) / max(SERVO_LAG_S, dt)
         if self.mode == "speed":
-            return np.linalg.solve(self._jacobian(), self._speed) if self._linear else self._speed
+            return self._joint_rates(self._speed) if self._linear else self._speed
         if self.mode == "path":
             return self._path_velocity(dt)
         if self.mode == "force":
@@ -275,10 +281,10 @@ class FakeArm:
             return np.zeros(6)
         rate = min(speed, math.sqrt(2 * acceleration * left), left / dt)
         twist = error * (rate / left)
-        return np.linalg.solve(self._jacobian(), twist) if self._linear else twist
+        return self._joint_rates(twist) if self._linear else twist
 
     def _force_velocity(self) -> Array:
-        if Fault.JAM in self.world.active:
+        if self.world.jammed:
             return np.zeros(6)
         frame = self._task[:3, :3]
         felt = frame.T @ self.force[:3]
@@ -288,11 +294,14 @@ class FakeArm:
                 limit = float(self._limits[k])
                 pull = float(self._wrench[k] + felt[k])
                 local[k] = np.clip(pull * limit / max(abs(float(self._wrench[2])), 1.0), -limit, limit)
-        return np.linalg.solve(self._jacobian(), np.concatenate([frame @ local[:3], np.zeros(3)]))
+        return self._joint_rates(np.concatenate([frame @ local[:3], np.zeros(3)]))
 
-    def _jacobian(self) -> Array:
+    def _joint_rates(self, twist: Array) -> Array:
+        """Return the joint speeds of a tool speed, damped near singularities."""
         jacobian = self.model.jacobian(self.q, list(self.tcp_offset))
-        return jacobian if abs(np.linalg.det(jacobian)) > 1e-9 else jacobian + 1e-3 * np.eye(6)
+        if abs(float(np.linalg.det(jacobian))) < 1e-9:
+            jacobian = jacobian + 1e-3 * np.eye(6)
+        return np.asarray(np.linalg.solve(jacobian, twist), dtype=np.float64)
 
     def tcp_pose(self) -> list[float]:
         """Return the pose of the tool's centre point as the controller reports it."""
@@ -309,5 +318,3 @@ class FakeArm:
             self.gripper_m, self.gripper_blocked = self.world.grip_width(self.tcp[:3, 3], wanted_m)
         else:
             self.gripper_m, self.gripper_blocked = wanted_m, False
-
-

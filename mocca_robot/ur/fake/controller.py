@@ -25,7 +25,12 @@ TICK_S = 0.008
 CONTROL_PORT = 30099
 STROKE_M = 0.085
 HOME = (0.0, -1.57, 1.57, -1.57, -1.57, 0.0)
-_SAFETY = {NORMAL: "NORMAL", PROTECTIVE: "PROTECTIVE_STOP", SAFEGUARD: "SAFEGUARD_STOP", ROBOT_EMERGENCY: "ROBOT_EMERGENCY_STOP"}
+_SAFETY = {
+    NORMAL: "NORMAL",
+    PROTECTIVE: "PROTECTIVE_STOP",
+    SAFEGUARD: "SAFEGUARD_STOP",
+    ROBOT_EMERGENCY: "ROBOT_EMERGENCY_STOP",
+}
 Handler = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
 
 
@@ -48,8 +53,6 @@ class FakeController:
             self.arm.serial = plan.cell.serial
         if serial is not None:
             self.arm.serial = serial
-        if plan is not None:
-            self.arm.tcp_offset = np.array(plan.cell.tcp_offset)
         if not 0 < speedup <= 20:
             raise InputError(f"--speedup is {speedup:g}; give a number above 0 and at most 20.")
         self.speedup = speedup
@@ -73,7 +76,7 @@ class FakeController:
                 servers.append(await asyncio.start_server(guarded, host, port))
             except OSError as error:
                 raise EnvironmentNeeded(
-                    f"Cannot listen on {host}:{port} ({error.strerror}). Choose another loopback address, such as 127.0.0.7."
+                    f"Cannot listen on {host}:{port} ({error.strerror}). Choose another one, such as 127.0.0.7."
                 ) from error
         ready()
         before = time.monotonic()

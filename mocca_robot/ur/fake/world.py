@@ -33,6 +33,11 @@ class Fault(StrEnum):
     NAN = "nan"
     STALE = "stale"
     JAM = "jam"
+    JAM_ONCE = "jam_once"
+    """A jam that is gone when force mode begins again: what a retry is for."""
+    STUCK = "stuck"
+    PAYLOAD_IGNORED = "payload_ignored"
+    TCP_IGNORED = "tcp_ignored"
     CONTACT = "contact"
     FORCE = "force"
     PART_MISSING = "part_missing"
@@ -55,7 +60,7 @@ class Trigger:
 
     @classmethod
     def parse(cls, text: str) -> Trigger:
-        """Return the trigger in `FAULT[@MODE[:NTH[:DELAY_S]]]`, such as `jam@force:2` or `protective_stop@servo:1:0.5`."""
+        """Return the trigger in `FAULT[@MODE[:NTH[:DELAY_S]]]`, such as `jam@force:2` or `nan@servo:1:0.5`."""
         name, _, moment = text.partition("@")
         if name not in set(Fault):
             raise InputError(f"Unknown fault '{name}'. {nearest(name, Fault)}")
@@ -120,7 +125,7 @@ class World:
                     if along > 0 and speed > 1e-4:
                         out[:3] -= seat.axis * SLIDING_N
                     break
-            if Fault.JAM in self.active:
+            if self.jammed:
                 out[:3] -= push * 18.0
         if Fault.CONTACT in self.active:
             if self._early_point is None and speed > 1e-4:
@@ -131,6 +136,11 @@ class World:
         if Fault.FORCE in self.active:
             out[:3] += np.array([0.0, 30.0, 0.0])
         return out
+
+    @property
+    def jammed(self) -> bool:
+        """Return whether a pushed part cannot move."""
+        return Fault.JAM in self.active or Fault.JAM_ONCE in self.active
 
     def clear(self, faults: Iterable[Fault]) -> None:
         """Remove faults."""
