@@ -12,12 +12,12 @@ from mocca_robot.joints.joint import Joint
 from mocca_robot.motion_cone import cross, extreme_rays
 from mocca_robot.report.markup import degrees, esc, point_list, px
 
-SECTION_HALF = 2.0
-"""Half-width of the window on the cut plane c·v = 1, in units of |c|: cones that are not pointed run out of it."""
+SECTION_HALVES = (2.0, 4.0, 8.0, 16.0)
+"""Half-widths of the window on the cut plane c·v = 1: the first that holds the section, else the last, clipped."""
 SIZE = 104.0
 
 
-def section_polygon(normals: Array, frame: Array, half: float = SECTION_HALF) -> Array:
+def section_polygon(normals: Array, frame: Array, half: float) -> Array:
     """Return the corners (k, 2) of V ∩ {c·v = 1}, clipped to a square window; empty when V misses it.
 
     Args:
@@ -63,11 +63,15 @@ def joint_section(joint: Joint, about: Array, length: float, way_out: Array | No
     corners = joint.contact.polygon
     before = np.concatenate([flat, cross(corners - about, flat) / length], axis=1)
     frame = section_frame(before)
-    body = [_axes()]
+    half = SECTION_HALVES[-1]
+    if not joint.is_planar:
+        reach = np.abs(section_polygon(normals, frame, half)).max(initial=0.0)
+        half = next((h for h in SECTION_HALVES if reach < h), half)
+    body = [_axes(half)]
     for rows, cls in ((before, "section-flat"), (normals, "section")):
-        polygon = section_polygon(rows, frame)
+        polygon = section_polygon(rows, frame, half)
         if len(polygon):
-            body.append(f'<polygon class="{cls}" points="{point_list(_pixels(polygon, SECTION_HALF))}"/>')
+            body.append(f'<polygon class="{cls}" points="{point_list(_pixels(polygon, half))}"/>')
     if way_out is not None:
         base = np.arctan2(way_out[1], way_out[0])
         angles = base + np.array([-alpha_rad, alpha_rad])
@@ -75,7 +79,7 @@ def joint_section(joint: Joint, about: Array, length: float, way_out: Array | No
         height = motions @ frame[0]
         if (height > 1e-6).all():
             ends = (motions @ frame[1:].T) / height[:, None]
-            (x0, y0), (x1, y1) = _pixels(ends, SECTION_HALF)
+            (x0, y0), (x1, y1) = _pixels(ends, half)
             bar = f'x1="{px(x0)}" y1="{px(y0)}" x2="{px(x1)}" y2="{px(y1)}"'
             body.append(f'<line class="section-asked" {bar}/>')
     return _small(body, "Conic section of the joint's motion cone")
@@ -146,15 +150,17 @@ def _trial(trial: Mapping[str, Any], way_out: Array, axes: Array, limit_deg: flo
 
 def _pixels(points: Array, half: float) -> Array:
     middle = SIZE / 2
-    return np.stack([middle + points[:, 0] / half * 0.94 * middle, middle - points[:, 1] / half * 0.94 * middle], axis=1)
+    return np.stack(
+        [middle + points[:, 0] / half * 0.94 * middle, middle - points[:, 1] / half * 0.94 * middle], axis=1
+    )
 
 
-def _axes() -> str:
+def _axes(half: float) -> str:
     middle, low, high = px(SIZE / 2), px(0.03 * SIZE), px(0.97 * SIZE)
     return (
         f'<path class="grid" d="M{low} {middle}H{high}M{middle} {low}V{high}"/>'
-        f'<text class="tick" x="{high}" y="{px(SIZE / 2 - 3)}" text-anchor="end">slide</text>'
-        f'<text class="tick" x="{px(SIZE / 2 + 3)}" y="{px(0.1 * SIZE)}">turn</text>'
+        f'<text class="tick" x="{high}" y="{px(SIZE / 2 - 3)}" text-anchor="end">slide {half:g}</text>'
+        f'<text class="tick" x="{px(SIZE / 2 + 3)}" y="{px(0.1 * SIZE)}">turn {half:g}</text>'
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array, Assembly, Polygon
+from mocca_robot.assembly import Array, Assembly, IntArray, Polygon
 from mocca_robot.contacts import Contact, to_shapely
 from mocca_robot.design import Insertion
 from mocca_robot.joints.joint import Joint, contact_rays
@@ -82,21 +82,33 @@ def parts_layer(assembly: Assembly, colours: Sequence[int], view: View) -> str:
     return "\n".join(drawn)
 
 
-def label_place(part: Polygon) -> tuple[Array, float]:
-    """Return where a part's name fits best, and the radius free around it: the largest inscribed circle's."""
+def label_place(part: Polygon) -> tuple[Array, float, float]:
+    """Return where a part's name goes, and half the height and half the width that are free there.
+
+    The centroid where it lies well inside; otherwise the centre of the largest inscribed circle.
+    """
     shape = to_shapely(part)
     tolerance = 0.02 * float(np.sqrt(shapely.area(shape)))
     circle = shapely.maximum_inscribed_circle(shape, tolerance=tolerance)
-    return np.array(circle.coords[0]), float(shapely.length(circle))
+    place, radius = np.array(circle.coords[0]), float(shapely.length(circle))
+    centroid = shapely.Point(part.centroid)
+    clear = float(shapely.distance(centroid, shapely.boundary(shape))) if shapely.contains(shape, centroid) else 0.0
+    if clear >= 0.6 * radius:
+        place, radius = np.asarray(part.centroid), clear
+    (low, _), (high, _) = part.bounds
+    chord = shapely.intersection(shape, shapely.LineString([(low - 1.0, place[1]), (high + 1.0, place[1])]))
+    mine = min(shapely.get_parts(chord), key=lambda piece: float(shapely.distance(piece, shapely.Point(place))))
+    x0, _, x1, _ = shapely.bounds(mine)
+    return place, radius, float(max(min(place[0] - x0, x1 - place[0]), radius))
 
 
-def label(part_name: str, place: Array, radius_px: float) -> str:
-    """Return a part's name at pixel `place`, as large as fits a circle and never unreadably small."""
-    size = float(np.clip(2.6 * radius_px / max(len(part_name), 2) ** 0.8, 7.5, 13.0))
-    return (
-        f'<text class="name" x="{px(place[0])}" y="{px(place[1])}" font-size="{px(size)}" dy="0.35em">'
-        f"{esc(part_name)}</text>"
-    )
+def label(part_name: str, part: Polygon, view: View) -> str:
+    """Return a part's name as large as fits inside the part, and never unreadably small."""
+    place, height, width = label_place(part)
+    x, y = view(place)[0]
+    fits = min(1.3 * height * view.scale, 2.0 * width * view.scale / (0.62 * max(len(part_name), 1)))
+    size = float(np.clip(fits, 7.0, 13.0))
+    return f'<text class="name" x="{px(x)}" y="{px(y)}" font-size="{px(size)}" dy="0.35em">{esc(part_name)}</text>'
 
 
 def names_layer(assembly: Assembly, view: View) -> str:
@@ -104,8 +116,7 @@ def names_layer(assembly: Assembly, view: View) -> str:
     drawn = []
     for part in assembly.parts:
         assert isinstance(part.shape, Polygon)
-        place, radius = label_place(part.shape)
-        drawn.append(label(part.name, view(place)[0], radius * view.scale))
+        drawn.append(label(part.name, part.shape, view))
     return f'<g class="layer names">{"".join(drawn)}</g>'
 
 
@@ -140,7 +151,7 @@ def arrow(start: Array, end: Array, cls: str, title: str = "") -> str:
     )
 
 
-def merged_forces(contacts: Sequence[Contact], forces: Array) -> tuple[Array, Array, Array]:
+def merged_forces(contacts: Sequence[Contact], forces: Array) -> tuple[IntArray, Array, Array]:
     """Return pairs (m, 2), points (m, d) and force vectors on the later part (m, d), one per place and pair.
 
     Facets of a curved joint share corners: what acts on the same pair at the same point is one force.
@@ -233,7 +244,7 @@ def wedge(centre: Array, axis: Array, low: float, high: float, radius: float, cl
 
 
 def cones_layer(assembly: Assembly, contacts: Sequence[Contact], insertions: Sequence[Insertion], view: View) -> str:
-    """Return each part's motion cone V_j at its centroid, the required K(−d, α) inside it, and the way in as an arrow."""
+    """Return each part's motion cone V_j at its centroid, the required K(−d, α) in it, and the way in as an arrow."""
     normals = way_out_normals(assembly, contacts)
     radius = WEDGE * assembly.size * view.scale
     drawn = []

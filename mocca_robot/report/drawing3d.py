@@ -15,10 +15,13 @@ from mocca_robot.report.markup import esc, point_list, px
 from mocca_robot.report.palette import fills
 from mocca_robot.verify import CaseVerdict
 
-LIGHT = np.array([0.35, 0.75, 0.56])
+LIGHT = np.array([0.3, 0.6, 0.74])
 """Towards the light in camera axes (right, up, towards the eye)."""
 SMALL_FACE = 0.02
 """Faces below this share of a part's visible area (a joint's facets) are drawn as one."""
+
+MANY_GHOSTS = 24
+"""With more moving parts than this only arrows are drawn: outlines would hide the picture."""
 
 
 def camera(azimuth_rad: float = np.deg2rad(-60.0), elevation_rad: float = np.deg2rad(24.0)) -> Array:
@@ -33,7 +36,7 @@ def paint_order(assembly: Assembly, contacts: Sequence[Contact], eye: Array) -> 
     Where that is circular, by the depth of the centroids alone.
     """
     depth = [float(p.centroid @ eye) for p in assembly.parts]
-    graph: nx.DiGraph = nx.DiGraph()
+    graph: nx.DiGraph[int] = nx.DiGraph()
     graph.add_nodes_from(range(len(depth)))
     facing: dict[tuple[int, int], float] = {}
     for contact in contacts:
@@ -69,7 +72,7 @@ def _face(path: str, shade: float, cls: str) -> str:
 
 
 def visible_faces(mesh: Mesh, axes: Array, view: View) -> list[tuple[str, float]]:
-    """Return (path data, darkness 0 … 0.5) of the mesh's flat regions that face the eye, curved ones merged."""
+    """Return (path data, darkness 0 … 0.34) of the mesh's flat regions that face the eye, curved ones merged."""
     corners = mesh.vertices[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     doubled = np.linalg.norm(normals, axis=1)
@@ -87,7 +90,7 @@ def visible_faces(mesh: Mesh, axes: Array, view: View) -> list[tuple[str, float]
         mine = group == g
         region = shapely.union_all(shapely.polygons(flat[mine]), grid_size=1e-7 * float(np.ptp(flat)))
         normal = area[mine] @ normals[mine]
-        shade = 0.42 * (1.0 - max(float(normal / np.linalg.norm(normal) @ (LIGHT / np.linalg.norm(LIGHT))), 0.0))
+        shade = 0.34 * (1.0 - max(float(normal / np.linalg.norm(normal) @ (LIGHT / np.linalg.norm(LIGHT))), 0.0))
         faces.append((region_path(region, view), shade))
     return faces
 
@@ -119,8 +122,9 @@ def collapse_layer_3d(assembly: Assembly, verdict: CaseVerdict, axes: Array, vie
             continue
         assert isinstance(part.shape, Mesh)
         moved = part.shape.vertices + step[:3] + np.cross(step[3:], part.shape.vertices - part.centroid)
-        outline = shapely.MultiPoint(moved @ axes[:2].T).convex_hull
-        drawn.append(f'<path class="ghost" d="{region_path(outline, view)}"/>')
+        if len(verdict.moving) <= MANY_GHOSTS:
+            outline = shapely.MultiPoint(moved @ axes[:2].T).convex_hull
+            drawn.append(f'<path class="ghost" d="{region_path(outline, view)}"/>')
         start, end = view(np.array([part.centroid, part.centroid + step[:3]]) @ axes[:2].T)
         drawn.append(arrow(start, end, "moves", f"{part.name} moves this way"))
     return f'<g class="layer collapse">{"".join(drawn)}</g>'

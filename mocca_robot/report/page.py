@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mocca_robot.report import player, sections
+from mocca_robot.report import physics_sections, player, sections
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.markup import asset, esc
 from mocca_robot.report.pictures import PAGE_DEFS
@@ -39,8 +39,8 @@ def report_page(data: ReportData) -> str:
             sections.side_by_side(data),
             sections.load_cases(data),
             player.sequence(data),
-            sections.tilt(data),
-            sections.insertion(data),
+            physics_sections.tilt(data),
+            physics_sections.insertion(data),
             sections.joints(data),
             sections.parts(data),
             sections.provenance(data),
@@ -59,7 +59,7 @@ def document(title: str, header: str, body: str, scripts: list[str]) -> str:
         '<!DOCTYPE html>\n<html lang="en" xmlns="http://www.w3.org/1999/xhtml"><head><meta charset="utf-8"/>'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}"/>'
         '<meta name="viewport" content="width=device-width, initial-scale=1"/>'
-        f"<title>{esc(title)}</title><style>{asset('style.css')}</style></head>\n<body>{PAGE_DEFS}\n{header}\n"
+        f"<title>{esc(title)}</title><style>{asset('style.css')}{asset('drawing.css')}</style></head>\n<body>{PAGE_DEFS}\n{header}\n"
         f"<main>\n{body}\n</main>\n<footer>Made by mocca-robot. This file is complete in itself: it asks the network "
         f"for nothing.</footer>\n{code}</body></html>\n"
     )

@@ -16,7 +16,7 @@ FIXED = "#c3c9d1"
 
 def part_colours(assembly: Assembly, contacts: Sequence[Contact]) -> tuple[int, ...]:
     """Return an index into `LIGHT` per part such that neighbours differ where eight colours allow it; −1 is ground."""
-    graph: nx.Graph = nx.Graph()
+    graph: nx.Graph[int] = nx.Graph()
     graph.add_nodes_from(range(len(assembly.parts)))
     graph.add_edges_from(c.parts for c in contacts)
     chosen = [-1] * len(assembly.parts)

@@ -67,9 +67,8 @@ def _remark(state: State) -> str:
 
 def _verdict(state: State) -> str:
     remark = _remark(state)
-    return (
-        f"<dl><dt>Statics</dt><dd>{_statics(state)}</dd><dt>MuJoCo</dt><dd>{_physics(state)}</dd></dl>"
-        + (f"<p>{remark}</p>" if remark else "<p>Every part stays where it is.</p>" if state.statics else "")
+    return f"<dl><dt>Statics</dt><dd>{_statics(state)}</dd><dt>MuJoCo</dt><dd>{_physics(state)}</dd></dl>" + (
+        f"<p>{remark}</p>" if remark else "<p>Every part stays where it is.</p>" if state.statics else ""
     )
 
 
@@ -100,9 +99,10 @@ def _stage_2d(data: ReportData, found: tuple[State, ...]) -> str:
     for k, part in enumerate(assembly.parts):
         assert isinstance(part.shape, Polygon)
         shift = travel.get(part.name, np.array([0.0, APPROACH * assembly.size])) * view.scale
-        moving = "" if part.fixed else f' data-step="{order[part.name]}" data-dx="{px(shift[0])}" data-dy="{px(-shift[1])}"'
-        place, radius = drawing2d.label_place(part.shape)
-        name = drawing2d.label(part.name, view(place)[0], radius * view.scale)
+        moving = (
+            "" if part.fixed else f' data-step="{order[part.name]}" data-dx="{px(shift[0])}" data-dy="{px(-shift[1])}"'
+        )
+        name = drawing2d.label(part.name, part.shape, view)
         shape = f'<path class="part {classes[colours[k]]}" d="{drawing2d.path_of(part.shape, view)}"/>'
         drawn.append(f'<g class="piece"{moving}>{shape}{name}</g>')
     for k, state in enumerate(found):

@@ -58,7 +58,9 @@ def scene(data: ReportData, found: Sequence[State], approach: float) -> dict[str
             "result": _motions(built, fallen[0]) if fallen else None,
             "input": _motions(source, before[0]) if before else None,
         },
-        "states": {str(k + 1): _motions(built, s.verdict) for k, s in enumerate(found) if s.verdict and s.verdict.moving},
+        "states": {
+            str(k + 1): _motions(built, s.verdict) for k, s in enumerate(found) if s.verdict and s.verdict.moving
+        },
     }
 
 
@@ -118,7 +120,7 @@ def _cones(data: ReportData, asked: bool) -> Array:
 
 
 def _forces(assembly: Assembly, contacts: Sequence[Contact], verdict: CaseVerdict) -> Array:
-    """Return one segment per pair of parts: the resultant at its centre of pressure, length ∝ √force."""
+    """Return an arrow (three segments) per pair of parts: the resultant at its centre, length ∝ √force."""
     pairs, points, vectors = merged_forces(contacts, np.nan_to_num(verdict.result.forces))
     _, owner = np.unique(pairs, axis=0, return_inverse=True)
     owner = owner.ravel()
@@ -130,7 +132,11 @@ def _forces(assembly: Assembly, contacts: Sequence[Contact], verdict: CaseVerdic
     kept = size > 1e-3 * size.max(initial=0.0)
     centre, resultant, size = centre[kept] / total[kept][:, None], resultant[kept], size[kept]
     length = FORCE_REACH * assembly.size * np.sqrt(size / size.max(initial=1e-300))
-    return np.stack([centre, centre + resultant / size[:, None] * length[:, None]], axis=1)
+    along = resultant / size[:, None]
+    side = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
+    tip = centre + along * length[:, None]
+    barbs = [tip - (0.2 * along + sign * 0.1 * side) * length[:, None] for sign in (1.0, -1.0)]
+    return np.concatenate([np.stack([other, tip], axis=1) for other in (centre, *barbs)])
 
 
 def _motions(assembly: Assembly, verdict: CaseVerdict) -> list[list[float]]:

@@ -128,15 +128,15 @@ def _physics(data: ReportData) -> str:
     compared = [s for s in states(data) if s.agree is not None]
     same = sum(s.agree is True for s in compared)
     tilts = tilt_gaps(data)
-    apart = max(tilts, default=None)
-    words = f"{same} of {plural(len(compared), 'state')} the same verdict"
-    words += f"; critical tilt within {apart:.2f}°" if apart is not None else ""
+    said = [f"{same} of {plural(len(compared), 'state')} the same verdict"] if compared else []
+    said += [f"critical tilt within {max(tilts):.2f}°"] if tilts else []
     trials = sum(int((i.get("inside") or {}).get("trials", 0)) for i in entries(data, "insertion"))
     passed = sum(int((i.get("inside") or {}).get("succeeded", 0)) for i in entries(data, "insertion"))
-    words += f"; {passed} of {trials} insertions inside the cones succeed" if trials else ""
+    said += [f"{passed} of {trials} insertions inside the cones succeed"] if trials else []
+    words = "; ".join(said)
     if disagreements(data):
         return card("bad", question, "Disagrees", f"{words}. See the list below.")
-    if not compared and not tilts and not trials:
+    if not said:
         return card("none", question, "Nothing compared", "The simulation holds no states, tilts or insertions.")
     return card("ok", question, "Agrees", f"{words}.")
 

@@ -112,7 +112,9 @@ def _polar(series: Sequence[TiltSeries], limit: float, asked_rad: float | None) 
         body.append(f'<polygon class="fan {one.style}" points="{point_list(points)}"/>')
         for k, (x, y) in zip(order, points):
             title = f"{one.name}, {degrees(one.azimuths_rad[k], 0)}: {degrees(one.angles_rad[k])}"
-            body.append(f'<circle class="dot {one.style}" cx="{px(x)}" cy="{px(y)}" r="3"><title>{esc(title)}</title></circle>')
+            body.append(
+                f'<circle class="dot {one.style}" cx="{px(x)}" cy="{px(y)}" r="3"><title>{esc(title)}</title></circle>'
+            )
     return _svg(width, height, body, _legend(series, width, height, asked_rad), "Critical tilt over azimuths")
 
 
@@ -148,7 +150,8 @@ def convergence_plot(values: Sequence[float], label: str = "infeasibility E") ->
         body.append(f'<text class="tick" text-anchor="end" x="46" y="{px(at + 3)}">10{raised}</text>')
     body.append(f'<polyline class="curve" points="{point_list(np.stack([x, rise], axis=1))}"/>')
     body.extend(f'<circle class="dot statics" cx="{px(a)}" cy="{px(b)}" r="2.6"/>' for a, b in zip(x, rise))
-    legend = f'<text class="tick" text-anchor="middle" x="{px(width / 2)}" y="{px(height - 8)}">iteration · {esc(label)}</text>'
+    place = f'text-anchor="middle" x="{px(width / 2)}" y="{px(height - 8)}"'
+    legend = f'<text class="tick" {place}>iteration · {esc(label)}</text>'
     return _svg(width, height, body, legend, f"{label} over iterations")
 
 

@@ -24,14 +24,14 @@
     }
     gl.bindAttribLocation(program, 0, "position");
     gl.linkProgram(program);
-    const names = ["camera", "eyePlane", "low", "grid", "centroid", "shift", "spin", "colour", "flat_", "bias"];
+    const names = ["camera", "eyePlane", "low", "grid", "pivot", "shift", "spin", "colour", "flat_", "bias"];
     return { program, at: Object.fromEntries(names.map((n) => [n, gl.getUniformLocation(program, n)])) };
   };
   // Positions are low + grid × vertex, then an infinitesimal rotation about the centroid and a shift.
   const shader = compile(
-    `in vec3 position; uniform mat4 camera; uniform vec3 low, grid, centroid, shift, spin; uniform float bias;
+    `in vec3 position; uniform mat4 camera; uniform vec3 low, grid, pivot, shift, spin; uniform float bias;
      out vec3 world;
-     void main() { world = low + grid * position; world += cross(spin, world - centroid) + shift;
+     void main() { world = low + grid * position; world += cross(spin, world - pivot) + shift;
        gl_Position = camera * vec4(world, 1.0); gl_Position.z -= bias * gl_Position.w; }`,
     `in vec3 world; uniform vec3 eyePlane; uniform vec4 colour; uniform float flat_; out vec4 painted;
      void main() { vec3 n = normalize(cross(dFdx(world), dFdy(world)));
@@ -74,7 +74,7 @@
   const parts = scene.parts.map((p) => ({ ...p, result: geometry(p.result), input: geometry(p.input) }));
   const lines = { asked: lineSet(scene.cones.asked), free: lineSet(scene.cones.free), forces: lineSet(scene.forces) };
 
-  const view = { azimuth: -1.05, elevation: 0.42, distance: 1.55 * scene.size, centre: [...scene.centre] };
+  const view = { azimuth: -1.05, elevation: 0.42, distance: 1.3 * scene.size, centre: [...scene.centre] };
   const show = { which: "result", explode: 0, names: false, cones: false, forces: false, collapse: false };
   const tags = document.getElementById("tags");
   const labels = parts.map((p) => {
@@ -156,7 +156,7 @@
       const mesh = part[show.which];
       gl.uniform3fv(shader.at.low, mesh.low);
       gl.uniform3fv(shader.at.grid, mesh.step);
-      gl.uniform3fv(shader.at.centroid, part.centroid);
+      gl.uniform3fv(shader.at.pivot, part.centroid);
       gl.uniform3fv(shader.at.shift, place.shift);
       gl.uniform3fv(shader.at.spin, place.spin);
       const fill = part.colour < 0 ? colours.fixed : colours.parts[part.colour];
@@ -177,7 +177,7 @@
     if (sequence.value >= sequence.count && show.explode === 0) {
       gl.disable(gl.DEPTH_TEST);
       gl.uniform3fv(shader.at.grid, [1, 1, 1]);
-      for (const name of ["low", "shift", "spin", "centroid"]) gl.uniform3fv(shader.at[name], [0, 0, 0]);
+      for (const name of ["low", "shift", "spin", "pivot"]) gl.uniform3fv(shader.at[name], [0, 0, 0]);
       gl.uniform1f(shader.at.flat_, 1);
       gl.uniform1f(shader.at.bias, 0);
       const sets = [...(show.cones ? ["free", "asked"] : []), ...(show.forces && show.which === "result" ? ["forces"] : [])];
