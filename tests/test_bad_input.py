@@ -191,6 +191,27 @@ def test_a_broken_model_is_refused(folder: Path, name: str, content: bytes, said
         load(folder / name, {"units": "mm"} if name[2:] in ("obj", "stl", "3mf") else None)
 
 
+def test_a_mesh_that_unpacks_to_gigabytes_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import zipfile
+
+    from mocca_robot.files import meshes
+
+    monkeypatch.setattr(meshes, "LARGEST_FILE", 10**6)
+    with zipfile.ZipFile(folder / "bomb.3mf", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("3D/3dmodel.model", b" " * 2 * 10**6)
+    assert (folder / "bomb.3mf").stat().st_size < 10**5
+    with pytest.raises(InputError, match="holds 2 MB, the limit is 1 MB"):
+        load(folder / "bomb.3mf")
+
+
+def test_faces_beyond_the_last_vertex_are_refused(folder: Path) -> None:
+    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    body = "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 99\n"
+    (folder / "a.ply").write_text(header + body)
+    with pytest.raises(InputError, match="'a' has a face with vertex 99, but only 3 vertices"):
+        load(folder / "a.ply", {"units": "m"})
+
+
 def test_things_that_are_no_files_are_refused(folder: Path) -> None:
     for path, said in ((folder / "none.yaml", "does not exist"), (folder / "sub.yaml", "folder")):
         (folder / "sub.yaml").mkdir(exist_ok=True)

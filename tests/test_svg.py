@@ -117,6 +117,30 @@ def test_a_disc_fits_its_hole_however_the_two_are_drawn(tmp_path: Path) -> None:
     assert found["disc"].area_moments[0] == pytest.approx(np.pi * 0.03**2, rel=2e-3)
 
 
+def test_a_long_curve_fits_two_neighbours_that_hold_it_in_pieces(tmp_path: Path) -> None:
+    p = np.array([[0.0, 40], [40, 80], [60, 10], [100, 45]])
+    t = 0.37
+    ab, bc, cd = (1 - t) * p[:-1] + t * p[1:]
+    abc, bcd = (1 - t) * ab + t * bc, (1 - t) * bc + t * cd
+    cut = (1 - t) * abc + t * bcd
+
+    def text(*points: np.ndarray) -> str:
+        return " ".join(f"{x:.7f},{y:.7f}" for x, y in points)
+
+    body = (
+        f'<path id="long" d="M {text(p[0])} C {text(p[1], p[2], p[3])} L 100,90 0,90 Z"/>'
+        f'<path id="left" d="M {text(cut)} C {text(abc, ab, p[0])} L 0,0 {cut[0]:.7f},0 Z"/>'
+        f'<path id="right" d="M {text(p[3])} C {text(cd, bcd, cut)} L {cut[0]:.7f},0 100,0 Z"/>'
+    )
+    found = parts(read_svg(drawing(tmp_path, body)))
+    long, left, right = (to_shapely(found[n]) for n in ("long", "left", "right"))
+    assert len(found["long"].exterior) > len(found["left"].exterior) > 10
+    whole = left.union(right).union(long)
+    assert whole.area == pytest.approx(long.area + left.area + right.area, rel=1e-9)
+    assert whole.area == pytest.approx(0.1 * 0.09, rel=1e-6)
+    assert long.boundary.intersection(left.boundary.union(right.boundary).buffer(1e-8)).length > 0.1
+
+
 def test_flattening_commutes_with_reversal_and_scale() -> None:
     rng = np.random.default_rng(3)
     curves = rng.normal(size=(40, 4, 2))

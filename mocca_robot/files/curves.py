@@ -53,6 +53,65 @@ def flattened(curves: Array, size: float) -> list[Array]:
     return polylines
 
 
+def conformed(curves: Array, polylines: Sequence[Array], size: float) -> list[Array]:
+    """Return the polylines with every corner of another one that lies on their curve as a corner of their own.
+
+    A part may border on two others along one long curve, which they hold in two pieces: flattened apart, their
+    chords would leave slivers. With each other's corners, all three run through the same points. Only corners
+    within `SAME` of the exact curve are taken, so that shapes which merely come close stay as they are.
+    """
+    import shapely
+
+    corners = np.unique(np.concatenate(list(polylines)), axis=0) if len(polylines) else np.zeros((0, 2))
+    bent = [k for k, line in enumerate(polylines) if len(line) > 2]
+    if not bent:
+        return list(polylines)
+    tree = shapely.STRtree(shapely.points(corners))
+    near, found = tree.query(
+        [shapely.LineString(polylines[k]) for k in bent],
+        predicate="dwithin",
+        distance=2 * CHORD_TOLERANCE * size,
+    )
+    found = found[np.argsort(near, kind="stable")]
+    hits = np.split(found, np.bincount(near, minlength=len(bent)).cumsum()[:-1])
+    result = list(polylines)
+    for k, mine in zip(bent, hits):
+        result[k] = _with_corners(curves[k], polylines[k], corners[mine], SAME * size)
+    return result
+
+
+def _with_corners(curve: Array, line: Array, corners: Array, slack: float) -> Array:
+    """Return `line` (n, 2) with those `corners` (m, 2) inserted that lie on `curve` and not on its own corners."""
+    corners = corners[KDTree(line).query(corners)[0] > 2 * slack] if len(corners) else corners
+    if len(corners) == 0:
+        return line
+    grid = np.linspace(0.0, 1.0, 65)
+    t = grid[np.linalg.norm(corners[:, None] - _points(curve, grid)[None], axis=2).argmin(axis=1)]
+    for _ in range(8):  # Newton steps towards (B(t) − p)·B'(t) = 0, without the second derivative
+        slope = 3 * _quadratic(np.diff(curve, axis=0), t)
+        step = np.einsum("ij,ij->i", corners - _points(curve, t), slope)
+        t = (t + step / np.maximum(np.einsum("ij,ij->i", slope, slope), 1e-300)).clip(0.0, 1.0)
+    on_it = np.linalg.norm(corners - _points(curve, t), axis=1) <= slack
+    own = np.linspace(0.0, 1.0, len(line))
+    inserted, at = [*line], [*own]
+    for position, corner in sorted(zip(t[on_it], corners[on_it].tolist())):
+        if np.linalg.norm(np.array(inserted) - corner, axis=1).min() > 2 * slack:
+            inserted.append(np.array(corner))
+            at.append(position)
+    return np.array(inserted)[np.argsort(at, kind="stable")]
+
+
+def _points(curve: Array, t: Array) -> Array:
+    """Return the points (n, 2) of a cubic (4, 2) at parameters (n,)."""
+    s, t = (1.0 - t)[:, None], t[:, None]
+    return np.asarray(s**3 * curve[0] + 3 * s**2 * t * curve[1] + 3 * s * t**2 * curve[2] + t**3 * curve[3])
+
+
+def _quadratic(legs: Array, t: Array) -> Array:
+    s, t = (1.0 - t)[:, None], t[:, None]
+    return np.asarray(s**2 * legs[0] + 2 * s * t * legs[1] + t**2 * legs[2])
+
+
 def _inner_points(curve: Array, size: float) -> Array:
     """Return the points between the ends, (n − 1, 2), evenly spaced in the curve's parameter."""
     chord = curve[3] - curve[0]
@@ -66,9 +125,7 @@ def _inner_points(curve: Array, size: float) -> Array:
     bend = np.linalg.norm(curve[2:] - 2 * curve[1:3] + curve[:2], axis=1).max()
     # Chord error of n even steps of a cubic: at most (3·2/8) · max second difference / n².
     pieces = int(np.clip(np.ceil(np.sqrt(0.75 * bend / (CHORD_TOLERANCE * size))), 1, MAX_PIECES))
-    t = (np.arange(1, pieces) / pieces)[:, None]
-    s = 1.0 - t
-    return np.asarray(s**3 * curve[0] + 3 * s**2 * t * curve[1] + 3 * s * t**2 * curve[2] + t**3 * curve[3])
+    return _points(curve, np.arange(1, pieces) / pieces)
 
 
 def elevated(points: Sequence[tuple[float, float]]) -> Array:

@@ -16,6 +16,8 @@ METRES_PER = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 
 FORMATS = ("obj", "stl", "ply", "3mf", "glb")
 SMALLEST_PART_M, LARGEST_M = 5e-4, 500.0
 """Sizes outside are more often a wrong unit than a real structure."""
+LARGEST_FILE = 256 * 1024 * 1024
+"""Bytes of one file; ten million triangles are far more than a part needs."""
 
 _Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 """glTF has y up; here z is."""
@@ -77,12 +79,19 @@ def repaired(name: str, vertices: Array, faces: IntArray) -> tuple[Mesh, tuple[s
     notes: list[str] = []
     if len(faces) == 0 or not np.isfinite(vertices).all():
         raise InputError(f"Part '{name}' has no faces or has coordinates that are not numbers; export it again.")
+    if np.min(faces) < 0 or np.max(faces) >= len(vertices):
+        raise InputError(
+            f"Part '{name}' has a face with vertex {int(np.max(faces))}, but only {len(vertices)} vertices; "
+            "the file is damaged. Export it again."
+        )
     vertices, same = distinct_rows(np.asarray(vertices, dtype=np.float64))
     faces = same[np.asarray(faces, dtype=np.int64)]
     repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     if repeated.any():
         faces = faces[~repeated]
         notes.append(f"{int(repeated.sum())} triangles with two equal corners removed")
+    used, faces = np.unique(faces, return_inverse=True)
+    vertices, faces = vertices[used], faces.reshape(-1, 3)
     open_edges = count_open_edges(faces)
     if open_edges:
         raise InputError(
@@ -176,6 +185,7 @@ def _objects(path: Path, units: str | None) -> list[tuple[str, Array, IntArray]]
         raise InputError(f"Mesh file '{path}' does not exist.")
     if suffix not in FORMATS:
         raise InputError(f"'{path}' ends in '.{suffix}'; known mesh formats: {', '.join(FORMATS)}.")
+    _require_modest(path, suffix)
     if suffix == "obj":
         from mocca_robot.files.obj import read_obj
 
@@ -206,6 +216,23 @@ def _objects(path: Path, units: str | None) -> list[tuple[str, Array, IntArray]]
     if not found:
         raise InputError(f"{path} holds no triangles.")
     return found
+
+
+def _require_modest(path: Path, suffix: str) -> None:
+    """Raise InputError when a file, or what a 3MF unpacks to, is larger than `LARGEST_FILE`."""
+    import zipfile
+
+    size = path.stat().st_size
+    if suffix == "3mf":
+        try:
+            with zipfile.ZipFile(path) as archive:
+                size = max(size, sum(entry.file_size for entry in archive.infolist()))
+        except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
+            raise InputError(f"{path} cannot be read as 3MF: {error}. Export it again.") from error
+    if size > LARGEST_FILE:
+        raise InputError(
+            f"{path} holds {size / 1e6:,.0f} MB, the limit is {LARGEST_FILE / 1e6:,.0f} MB; simplify its meshes."
+        )
 
 
 def write_part(mesh: Mesh, path: Path, *, units: str = "m") -> Path:

@@ -15,7 +15,7 @@ import shapely
 from mocca_robot.assembly import DEFAULT_THICKNESS, Array, Polygon, signed_area
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
-from mocca_robot.files.curves import elevated, flattened
+from mocca_robot.files.curves import conformed, elevated, flattened
 from mocca_robot.files.documents import read_text
 from mocca_robot.files.rings import checked_polygon
 from mocca_robot.files.svg_tree import Outline, outlines, parse_length, parse_xml
@@ -23,6 +23,7 @@ from mocca_robot.files.svg_tree import Outline, outlines, parse_length, parse_xm
 MAX_SVG_BYTES = 16 * 1024 * 1024
 LARGEST = 1e12
 """Of a coordinate, in drawing units."""
+MAX_CURVES = 100_000
 CLOSED = 1e-6
 """Paths whose ends are closer than this share of the drawing are closed: editors round to about six digits."""
 
@@ -209,8 +210,10 @@ def _flattened(subpaths: list[list[_Subpath]]) -> list[list[Array]]:
     if not every:
         return [[] for _ in subpaths]
     curves = np.concatenate(every)
-    ends = curves[:, [0, 3]].reshape(-1, 2)
-    pieces = iter(flattened(curves, float(np.linalg.norm(np.ptp(ends, axis=0)))))
+    if len(curves) > MAX_CURVES:
+        raise InputError(f"The drawing has {len(curves)} lines and curves; at most {MAX_CURVES} are read. Simplify it.")
+    size = float(np.linalg.norm(np.ptp(curves[:, [0, 3]].reshape(-1, 2), axis=0)))
+    pieces = iter(conformed(curves, flattened(curves, size), size))
     return [
         [np.concatenate([next(pieces)[:-1] for _ in s.curves] + [s.curves[-1, 3:]]) for s in mine] for mine in subpaths
     ]
