@@ -83,7 +83,8 @@ def load_cases(assembly: Assembly, goals: Sequence[Goal] | None = None) -> tuple
                 g = tilted_gravity(assembly.gravity, goal.angle_rad, azimuth)
                 cases.append(LoadCase(f"tilt_{np.rad2deg(azimuth):03.0f}", read_only(g), everything, fixed))
         elif isinstance(goal, Interlocking):
-            held = np.zeros(n, dtype=np.bool_)
+            # Someone holds the key against the ground: otherwise all the rest could leave it the way it came in.
+            held = np.array(fixed)
             held[assembly.index(goal.key)] = True
             cases.append(LoadCase("interlocking", None, everything, held))
     return tuple(cases)
