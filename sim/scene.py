@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, BoolArray, Mesh, read_only
+from mocca_robot.assembly import Array, Assembly, BoolArray, read_only
 from mocca_robot.errors import InputError
 from sim.contact_model import ContactModel, Geom, embed
 from sim.inertia import inertia

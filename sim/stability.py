@@ -34,6 +34,9 @@ class Limits:
     longest_s: float = 4.0
 
 
+LIMITS = Limits()
+
+
 class Verdict(StrEnum):
     """What a run says."""
 
@@ -91,12 +94,12 @@ def free_scene(
     return Scene(assembly, model, there, fixed, assembly.gravity if gravity is None else gravity, settings)
 
 
-def stability(scene: Scene, limits: Limits = Limits()) -> StabilityReport:
+def stability(scene: Scene, limits: Limits = LIMITS) -> StabilityReport:
     """Return whether `scene` stands, by letting it go."""
     return judged(compile_scene(scene), limits)
 
 
-def judged(compiled: Compiled, limits: Limits = Limits()) -> StabilityReport:
+def judged(compiled: Compiled, limits: Limits = LIMITS) -> StabilityReport:
     """Return the verdict on a compiled scene; the model can be used again."""
     assembly = compiled.scene.assembly
     size = 2.0 * reach(assembly)[compiled.parts]
@@ -110,7 +113,7 @@ def judged(compiled: Compiled, limits: Limits = Limits()) -> StabilityReport:
     return report(assembly, motion, limits)
 
 
-def report(assembly: Assembly, motion: Motion, limits: Limits = Limits()) -> StabilityReport:
+def report(assembly: Assembly, motion: Motion, limits: Limits = LIMITS) -> StabilityReport:
     """Return the verdict on a run that is over."""
     size = 2.0 * reach(assembly)[motion.parts]
     share = motion.displacement[-1] / size

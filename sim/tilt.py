@@ -14,7 +14,7 @@ from mocca_robot.loads import tilt_azimuths, tilted_gravity
 from mocca_robot.verify import critical_tilt
 from sim.contact_model import ContactModel
 from sim.scene import Compiled, compile_scene, with_gravity
-from sim.stability import Limits, Verdict, free_scene, judged
+from sim.stability import LIMITS, Limits, Verdict, free_scene, judged
 
 RESOLUTION = np.deg2rad(0.1)
 """Width at which the bisection ends."""
@@ -67,7 +67,7 @@ def physical_tilt(
     contacts: Sequence[Contact],
     azimuth_rad: float,
     *,
-    limits: Limits = Limits(),
+    limits: Limits = LIMITS,
     resolution_rad: float = float(RESOLUTION),
 ) -> TiltReport:
     """Return the critical tilt of a compiled scene, each tilt from a fresh start under fixed rotated gravity.

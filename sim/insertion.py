@@ -1,0 +1,389 @@
+"""Parts driven home by a compliant hand, judged along the whole path.
+
+The hand holds the part with springs of stated stiffness and moves their far end along a straight line to the seat,
+starting where part and neighbours no longer face each other. Judging the end alone would be wrong: a compliant
+hand lets a part ride over an obstacle and still arrive.
+
+With springs k and k·r² (r: the part's reach) the hand stores ½ k e² when its grip is off by the length
+e = √(|shift|² + (r·turn)²), and no free path makes it push harder than k·e. More than that, plus 5 % of the part's
+weight, means that something stood in the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import shapely
+
+from mocca_robot.assembly import Array, Assembly, BoolArray, Polygon
+from mocca_robot.contacts import to_shapely
+from sim.contact_model import ContactModel, contact_model, pieces
+from sim.directions import Direction, InsertionCone
+from sim.motion import reach, step_failure
+from sim.scene import Compiled, Hand, Scene, compile_scene
+from sim.settings import settings_for
+
+
+@dataclass(frozen=True)
+class HandOptions:
+    """How a part is held and what counts as jammed. Lengths are shares of the part's size (twice its reach).
+
+    Attributes:
+        stiffness: N/m of the hand in units of the part's weight per size; 1250 for a 50 mm part of 50 g is
+            12 N/mm, about that of an arm holding its position. Rotations get stiffness × reach².
+        weight_share: contact force allowed without any error, as a share of the part's weight.
+        penetration: deepest penetration allowed: 10 µm for a part of 50 mm.
+        tracking: deviation from the commanded path allowed beyond the hand's own error.
+        lead: free travel before the part comes between its neighbours.
+        steps: of one insertion, at least; the tip moves smoothly from rest to rest.
+        sag_share: displacement of the parts below, when they are left free, that is still harmless.
+    """
+
+    stiffness: float = 1250.0
+    weight_share: float = 0.05
+    penetration: float = 2e-4
+    tracking: float = 2e-4
+    lead: float = 0.02
+    steps: int = 400
+    sag_share: float = 0.01
+
+
+HAND = HandOptions()
+
+
+@dataclass(frozen=True)
+class PlacingError:
+    """How far the hand's grip is off: a shift (m) sideways in one or two directions, and a turn (rad)."""
+
+    shift: tuple[float, ...] = ()
+    turn: float = 0.0
+
+
+@dataclass(frozen=True)
+class InsertionTrial:
+    """One insertion, judged.
+
+    Attributes:
+        part, kind: name; 'axis', 'interior', 'rim' or 'outside'.
+        direction: way in, (d,).
+        clearance: metres that the part was made smaller all around.
+        error: effective length e of the hand's error, metres.
+        below: 'held' when the earlier parts could not move, 'free' when they could and were judged too.
+        succeeded: nothing was in the way.
+        reason: for people.
+        peak_force: largest net contact force and torque/reach on the part, N; allowed_force what it may be.
+        peak_penetration: metres.
+        tracking_error: largest deviation from the commanded path, metres.
+        moved_below: names of earlier parts that moved too far.
+        steps: of the simulation.
+    """
+
+    part: str
+    kind: str
+    direction: tuple[float, ...]
+    clearance: float
+    error: float
+    below: str
+    succeeded: bool
+    reason: str
+    peak_force: float
+    allowed_force: float
+    peak_penetration: float
+    tracking_error: float
+    moved_below: tuple[str, ...]
+    steps: int
+
+
+@dataclass(frozen=True, eq=False)
+class InsertionScene:
+    """A compiled scene with one part in the hand, to be used for any number of trials.
+
+    Attributes:
+        compiled: the model; the driven part's joints are at zero when it is seated.
+        cone: of the driven part.
+        clearance: metres.
+        below: 'held' or 'free'.
+        travel_points: (P, d) contact points that the part has to clear.
+    """
+
+    compiled: Compiled
+    cone: InsertionCone
+    clearance: float
+    below: str
+    travel_points: tuple[Array, ...]
+
+
+def insertion_scene(
+    assembly: Assembly,
+    model: ContactModel,
+    cone: InsertionCone,
+    contact_polygons: Sequence[Array],
+    *,
+    clearance: float = 0.0,
+    below: str = "held",
+    friction: float = 0.0,
+    hand: HandOptions = HAND,
+) -> InsertionScene:
+    """Return the scene in which part `cone.part` goes in on top of all earlier ones.
+
+    `contact_polygons` are the part's contacts with earlier parts, one (k, d) each.
+    """
+    index = cone.part
+    if clearance > 0.0:
+        model = with_clearance(assembly, model, index, clearance)
+    present = np.arange(len(assembly.parts)) <= index
+    held = np.arange(len(assembly.parts)) < index if below == "held" else assembly.fixed
+    weight = assembly.parts[index].mass * float(np.linalg.norm(assembly.gravity))
+    far = float(reach(assembly)[index])
+    stiffness = hand.stiffness * weight / (2.0 * far)
+    settings = settings_for(assembly, friction, int((present & ~held).sum()))
+    scene = Scene(
+        assembly,
+        model,
+        present if below == "free" else _nearby(assembly, index, present),
+        np.asarray(held),
+        assembly.gravity,
+        settings,
+        Hand(index, stiffness, stiffness * far**2),
+    )
+    return InsertionScene(compile_scene(scene), cone, clearance, below, tuple(contact_polygons))
+
+
+def with_clearance(assembly: Assembly, model: ContactModel, part: int, clearance: float) -> ContactModel:
+    """Return the model with `part` made smaller by `clearance` all around. The other parts keep their size."""
+    shape = assembly.parts[part].shape
+    if not isinstance(shape, Polygon):
+        from sim.solid_pieces import shrunk
+
+        return shrunk(assembly, model, part, clearance)
+    smaller = shapely.buffer(to_shapely(shape), -clearance, join_style="mitre", mitre_limit=2.0)
+    largest = max(shapely.get_parts(smaller), key=shapely.area)
+    rings = [shapely.get_coordinates(r)[:-1] for r in (largest.exterior, *largest.interiors)]
+    lone = replace(assembly.parts[part], shape=Polygon(rings[0], tuple(rings[1:]), shape.thickness))
+    mine = pieces(Assembly(assembly.name, (lone,), gravity=assembly.gravity)).geoms
+    others = tuple(g for g in model.geoms if g.part != part)
+    return ContactModel((*others, *(replace(g, part=part) for g in mine)), None)
+
+
+def insert(
+    ready: InsertionScene,
+    direction: Direction,
+    *,
+    error: PlacingError = PlacingError(),
+    hand: HandOptions = HAND,
+) -> InsertionTrial:
+    """Return the trial of driving the part in along `direction`. Safe to call from several threads."""
+    import mujoco
+
+    compiled, cone = ready.compiled, ready.cone
+    scene, model = compiled.scene, compiled.model
+    assembly = scene.assembly
+    far = float(reach(assembly)[cone.part])
+    size = 2.0 * far
+    weight = assembly.parts[cone.part].mass * float(np.linalg.norm(assembly.gravity))
+    assert scene.hand is not None
+    offset, effective = _offset(assembly, direction.vector, error, far)
+    # With friction the hand also drags the part along what it rubs against, on both sides at most.
+    allowed = hand.weight_share * weight + scene.hand.stiffness * effective * (1.0 + 2.0 * scene.settings.friction)
+    travel = _travel(ready, direction.vector) + hand.lead * size
+    path = _Path(model, compiled, cone.part, direction.vector, travel, offset, max(hand.steps, 1))
+    data = mujoco.MjData(model)
+    path.place(data)
+    mujoco.mj_forward(model, data)
+    start_overlap = _penetration(data)
+    weights = path.force_weights(far)
+    watch = _Below(compiled, cone.part, data)
+    force = depth = deviation = 0.0
+    failure: str | None = None
+    step = 0
+    if start_overlap <= hand.penetration * size:
+        for step in range(1, path.steps + 1):
+            path.command(data, step)
+            mujoco.mj_step(model, data)
+            failure = step_failure(model, data)
+            force = max(force, float(np.linalg.norm(data.qfrc_constraint[path.dof] * weights)))
+            depth = max(depth, _penetration(data, path.body if ready.below == "free" else None))
+            deviation = max(deviation, path.deviation(data, step, far))
+            # Beyond ten times what is allowed nothing further can be learned.
+            if failure is not None or force > 10.0 * allowed:
+                break
+    moved = watch.moved(data, hand.sag_share)
+    reason = _reason(
+        assembly.parts[cone.part].name,
+        hand,
+        size,
+        start_overlap,
+        failure,
+        (force, allowed),
+        depth,
+        (deviation, effective),
+        moved,
+    )
+    return InsertionTrial(
+        assembly.parts[cone.part].name,
+        direction.kind,
+        tuple(float(x) for x in direction.vector),
+        ready.clearance,
+        effective,
+        ready.below,
+        reason == "",
+        reason or "went in freely",
+        force,
+        allowed,
+        max(depth, start_overlap),
+        deviation,
+        moved,
+        step,
+    )
+
+
+def _reason(
+    name: str,
+    hand: HandOptions,
+    size: float,
+    start_overlap: float,
+    failure: str | None,
+    force: tuple[float, float],
+    depth: float,
+    deviation: tuple[float, float],
+    moved: tuple[str, ...],
+) -> str:
+    if start_overlap > hand.penetration * size:
+        return f"'{name}' cannot even be brought there: at the start of the path it overlaps by {start_overlap:.2g} m"
+    if failure is not None:
+        return f"the run cannot be believed: {failure}"
+    if force[0] > force[1]:
+        return f"jammed: contact force {force[0]:.3g} N, allowed {force[1]:.3g} N"
+    if depth > hand.penetration * size:
+        return f"penetrated by {depth * 1e6:.3g} µm, allowed {hand.penetration * size * 1e6:.3g} µm"
+    if deviation[0] > hand.tracking * size + 2.0 * deviation[1]:
+        return f"left its path by {deviation[0] * 1e3:.3g} mm"
+    if moved:
+        return f"pushed {', '.join(moved)} away"
+    return ""
+
+
+class _Path:
+    """The hand's motion: straight, from `travel` before the seat to the seat, at rest at both ends."""
+
+    def __init__(
+        self, model: Any, compiled: Compiled, part: int, way: Array, travel: float, offset: Array, steps: int
+    ) -> None:
+        row = int(np.flatnonzero(compiled.parts == part)[0])
+        d = len(way)
+        wide = compiled.dof.shape[1]
+        self.qpos, self.dof = compiled.qpos[row, :wide], compiled.dof[row]
+        self.body = int(model.body(compiled.scene.assembly.parts[part].name).id)
+        self.way = np.concatenate([way, np.zeros(wide - d)])
+        self.travel, self.offset, self.steps = travel, offset, steps
+        self.step_s = float(model.opt.timestep)
+        # What the servo needs ahead to follow without lag: damping × velocity and mass × acceleration.
+        gains, damping = model.actuator_gainprm[:, 0], -model.actuator_biasprm[:, 2]
+        mass = compiled.scene.assembly.parts[part].mass
+        self.lag = damping / gains
+        self.heave = np.concatenate([np.full(d, mass), np.zeros(wide - d)]) / gains
+
+    def place(self, data: Any) -> None:
+        data.qpos[self.qpos] = self.target(0)
+
+    def at(self, step: int) -> tuple[float, float, float]:
+        """Return distance to the seat, speed and acceleration (minimum jerk)."""
+        t, total = min(1.0, step / self.steps), self.steps * self.step_s
+        s = t**3 * (10.0 - 15.0 * t + 6.0 * t * t)
+        v = 30.0 * t * t * (1.0 - t) ** 2 / total
+        a = 60.0 * t * (1.0 - t) * (1.0 - 2.0 * t) / total**2
+        return self.travel * (1.0 - s), self.travel * v, self.travel * a
+
+    def target(self, step: int) -> Array:
+        return -self.at(step)[0] * self.way + self.error(step)
+
+    def error(self, step: int) -> Array:
+        """Return how far the grip is off; it grows over the first fifth, so that no path starts in a neighbour."""
+        t = min(1.0, 5.0 * step / self.steps)
+        return t * t * (3.0 - 2.0 * t) * self.offset
+
+    def command(self, data: Any, step: int) -> None:
+        # MuJoCo takes the servo's force at the start of the step, from the pose it has then.
+        left, v, a = self.at(step - 1)
+        data.ctrl[:] = -left * self.way + self.error(step - 1) + self.lag * v * self.way + self.heave * a * self.way
+
+    def deviation(self, data: Any, step: int, far: float) -> float:
+        gap = data.qpos[self.qpos] - self.target(step)
+        d = 2 if len(gap) == 3 else 3
+        return float(np.linalg.norm(gap[:d]) + far * np.linalg.norm(gap[d:]))
+
+    def force_weights(self, far: float) -> Array:
+        d = 2 if len(self.dof) == 3 else 3
+        return np.concatenate([np.ones(d), np.full(len(self.dof) - d, 1.0 / far)])
+
+
+class _Below:
+    """The earlier parts that are free: where they were."""
+
+    def __init__(self, compiled: Compiled, part: int, data: Any) -> None:
+        keep = compiled.parts != part
+        d = compiled.scene.assembly.dimension
+        self.parts, self.qpos = compiled.parts[keep], compiled.qpos[keep][:, :d]
+        self.start = data.qpos[self.qpos].copy()
+        self.assembly = compiled.scene.assembly
+
+    def moved(self, data: Any, share: float) -> tuple[str, ...]:
+        if not len(self.parts):
+            return ()
+        size = 2.0 * reach(self.assembly)[self.parts]
+        far = np.linalg.norm(data.qpos[self.qpos] - self.start, axis=1)
+        return tuple(self.assembly.parts[p].name for p, m, s in zip(self.parts, far, size) if m > share * s)
+
+
+def _penetration(data: Any, body: int | None = None) -> float:
+    """Return the deepest penetration, metres; of one body only when given."""
+    if data.ncon == 0:
+        return 0.0
+    distance = data.contact.dist
+    if body is not None:
+        model = data.model
+        distance = distance[(model.geom_bodyid[data.contact.geom] == body).any(axis=1)]
+    return max(0.0, -float(distance.min(initial=0.0)))
+
+
+def _travel(ready: InsertionScene, way: Array) -> float:
+    """Return how far before its seat the part clears what it will touch, at most one and a half sizes."""
+    assembly = ready.compiled.scene.assembly
+    size = 2.0 * float(reach(assembly)[ready.cone.part])
+    heights = [float(np.ptp(points @ way)) for points in ready.travel_points]
+    return min(1.5 * size, max(heights, default=0.0))
+
+
+def _offset(assembly: Assembly, way: Array, error: PlacingError, far: float) -> tuple[Array, float]:
+    """Return the hand's error in joint coordinates and its effective length."""
+    if assembly.dimension == 2:
+        sideways = np.array([[-way[1], way[0]]])
+    else:
+        seed = np.eye(3)[np.abs(way).argmin()]
+        first = np.cross(way, seed) / np.linalg.norm(np.cross(way, seed))
+        sideways = np.array([first, np.cross(way, first)])
+    shift = sum((s * axis for s, axis in zip(error.shift, sideways)), np.zeros(len(way)))
+    turn = np.zeros(1 if assembly.dimension == 2 else 3)
+    turn[-1] = error.turn
+    return np.concatenate([shift, turn]), float(np.hypot(np.linalg.norm(shift), far * error.turn))
+
+
+def _nearby(assembly: Assembly, part: int, present: BoolArray) -> BoolArray:
+    """Return the part and those earlier ones whose bounding boxes its way in can meet."""
+    low, high = assembly.parts[part].shape.bounds
+    margin = 2.0 * float(np.linalg.norm(high - low))
+    bounds = np.array([p.shape.bounds for p in assembly.parts])
+    near = ((bounds[:, 1] > low - margin) & (bounds[:, 0] < high + margin)).all(axis=1)
+    return np.asarray(present & near)
+
+
+def insertion_model(assembly: Assembly, contacts: Sequence[Any]) -> ContactModel:
+    """Return the contact model that stays true while a part travels."""
+    if assembly.dimension == 2:
+        return contact_model(assembly, contacts)
+    from sim.solid_pieces import solid_pieces
+
+    return solid_pieces(assembly, contacts)

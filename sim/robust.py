@@ -1,0 +1,156 @@
+"""How often it works when friction, density, play and the hand are not what was assumed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+
+from mocca_robot.assembly import Array, Assembly
+from mocca_robot.contacts import Contact
+from mocca_robot.errors import InputError
+from sim.contact_model import contact_model
+from sim.directions import Direction, insertion_cone
+from sim.insertion import HandOptions, PlacingError, insert, insertion_model, insertion_scene
+from sim.stability import free_scene, stability
+from sim.trial_store import Row, Trial
+
+
+@dataclass(frozen=True)
+class RobustOptions:
+    """Distributions that a trial draws from; every draw is independent.
+
+    Attributes:
+        trials: how many.
+        friction: uniform between the two.
+        density_share: standard deviation of each part's density, relative (normal, cut off at 3 σ).
+        clearance: uniform between the two, metres, one for all parts.
+        shift: standard deviation of the hand's sideways error, metres; turn: of its angle, radians (normal).
+        insert: also insert every part; otherwise only the finished structure is let go.
+        confidence: of the interval on the success rate.
+    """
+
+    trials: int = 50
+    friction: tuple[float, float] = (0.0, 0.4)
+    density_share: float = 0.05
+    clearance: tuple[float, float] = (0.0, 2e-4)
+    shift: float = 2e-4
+    turn: float = float(np.deg2rad(0.3))
+    insert: bool = True
+    confidence: float = 0.95
+
+    def __post_init__(self) -> None:
+        if self.trials < 1:
+            raise InputError(f"{self.trials} robustness trials were asked for; at least 1 is needed.")
+        if not 0.0 < self.confidence < 1.0:
+            raise InputError(f"A confidence of {self.confidence} is not between 0 and 1.")
+
+
+@dataclass(frozen=True)
+class RobustReport:
+    """Success over all trials.
+
+    Attributes:
+        trials, succeeded: counts; low, high: Wilson interval on the success rate at `confidence`.
+        failures: how many trials failed for which reason; a trial counts once, for its first failure.
+        options: what was drawn from.
+    """
+
+    trials: int
+    succeeded: int
+    low: float
+    high: float
+    confidence: float
+    failures: Mapping[str, int]
+    options: RobustOptions
+
+    @property
+    def rate(self) -> float:
+        """Return the share of trials that succeeded."""
+        return self.succeeded / self.trials if self.trials else 0.0
+
+
+def wilson(succeeded: int, trials: int, confidence: float) -> tuple[float, float]:
+    """Return Wilson's interval on a success rate: honest also where every trial succeeded."""
+    if trials == 0:
+        return 0.0, 1.0
+    z = float(norm.ppf(0.5 + 0.5 * confidence))
+    rate = succeeded / trials
+    centre = (rate + z * z / (2 * trials)) / (1 + z * z / trials)
+    half = z / (1 + z * z / trials) * float(np.sqrt(rate * (1 - rate) / trials + z * z / (4 * trials**2)))
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def robust_trials(
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    ways: Mapping[str, Array],
+    options: RobustOptions,
+    seed: int,
+    identity: tuple[str, str],
+) -> list[Trial]:
+    """Return the trials; trial k draws from `seed` and k alone, so that more trials extend fewer ones."""
+    return [
+        Trial(
+            f"robustness {k + 1}",
+            (
+                "robust",
+                *identity,
+                sorted((n, list(map(float, v))) for n, v in ways.items()),
+                replace(options, trials=1),
+                seed,
+                k,
+            ),
+            lambda k=k: robust_trial(assembly, contacts, ways, options, np.random.default_rng([seed, k])),
+        )
+        for k in range(options.trials)
+    ]
+
+
+def robust_trial(
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    ways: Mapping[str, Array],
+    options: RobustOptions,
+    rng: np.random.Generator,
+) -> Row:
+    """Return {'failure': reason or ''} with what was drawn."""
+    friction = float(rng.uniform(*options.friction))
+    factors = 1.0 + options.density_share * np.clip(rng.standard_normal(len(assembly.parts)), -3.0, 3.0)
+    clearance = float(rng.uniform(*options.clearance))
+    parts = tuple(replace(p, density=p.density * f) for p, f in zip(assembly.parts, factors))
+    drawn = replace(assembly, parts=parts)
+    row: Row = {"friction": friction, "clearance": clearance, "failure": ""}
+    found = stability(free_scene(drawn, contact_model(drawn, contacts), friction=friction))
+    if not found.stands:
+        return {**row, "failure": f"structure {found.verdict}: {found.reason}", "kind": f"structure {found.verdict}"}
+    if options.insert:
+        model = insertion_model(drawn, contacts)
+        for index, part in enumerate(drawn.parts):
+            if part.fixed:
+                continue
+            cone = insertion_cone(drawn, contacts, index, ways.get(part.name))
+            polygons = [c.polygon for c in contacts if c.parts[1] == index]
+            error = PlacingError(
+                tuple(options.shift * rng.standard_normal(drawn.dimension - 1)),
+                float(options.turn * rng.standard_normal()),
+            )
+            ready = insertion_scene(
+                drawn, model, cone, [np.concatenate(polygons)], clearance=clearance, friction=friction
+            )
+            trial = insert(ready, Direction("axis", cone.axis), error=error, hand=HandOptions())
+            if not trial.succeeded:
+                return {**row, "failure": f"{part.name}: {trial.reason}", "kind": f"insertion of {part.name}"}
+    return row
+
+
+def robust_report(rows: Sequence[Mapping[str, Any]], options: RobustOptions) -> RobustReport:
+    """Return the success rate over finished trials."""
+    succeeded = sum(not row["failure"] for row in rows)
+    low, high = wilson(succeeded, len(rows), options.confidence)
+    failures = dict(Counter(row["kind"] for row in rows if row["failure"]))
+    return RobustReport(len(rows), succeeded, low, high, options.confidence, failures, options)

@@ -1,0 +1,353 @@
+"""An assembly → everything physics has to say about it: states, tilt table, insertions, robustness."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from mocca_robot.assembly import Array, Assembly
+from mocca_robot.contacts import Contact, ContactReport, find_contacts, require_sound
+from mocca_robot.errors import InputError, nearest
+from mocca_robot.loads import state_cases
+from mocca_robot.statics import Status
+from mocca_robot.verify import solve_case
+from sim.contact_model import ContactModel, contact_model
+from sim.directions import InsertionCone, directions, insertion_cone
+from sim.insertion import (
+    HandOptions,
+    InsertionTrial,
+    PlacingError,
+    insert,
+    insertion_model,
+    insertion_scene,
+)
+from sim.robust import RobustOptions, RobustReport, robust_report, robust_trials
+from sim.states import StateResult, state_result
+from sim.tilt import TiltReport, azimuths, physical_tilt, tilt_scene
+from sim.trial_store import Row, Trial, TrialStore, assembly_hash, run_trials
+
+STAGES = ("states", "tilt", "insertion", "robust")
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Questions:
+    """What to ask physics.
+
+    Attributes:
+        stages: any of 'states', 'tilt', 'insertion', 'robust'.
+        friction: Coulomb coefficient in states, insertions and robustness trials.
+        tilt_frictions: one tilt table each; `friction` is added when missing.
+        azimuths: of the tilt table in 3D (2D: right and left).
+        directions: ways in that cover each part's cone.
+        clearances: metres; every one is tried along the axis and the rim.
+        errors: of the placing hand; each is tried along the axis.
+        hand: its stiffness and what counts as a jam.
+        robust: distributions of the robustness trials.
+        seed: of everything drawn at random.
+        threads: None = one per core.
+    """
+
+    stages: tuple[str, ...] = ("states", "tilt", "insertion")
+    friction: float = 0.0
+    tilt_frictions: tuple[float, ...] = (0.0, 0.3)
+    azimuths: int = 8
+    directions: int = 12
+    clearances: tuple[float, ...] = (0.0, 3e-4)
+    errors: tuple[PlacingError, ...] = (
+        PlacingError((5e-4,)),
+        PlacingError((-5e-4,)),
+        PlacingError((), float(np.deg2rad(1.0))),
+        PlacingError((), -float(np.deg2rad(1.0))),
+    )
+    hand: HandOptions = field(default_factory=HandOptions)
+    robust: RobustOptions = field(default_factory=RobustOptions)
+    seed: int = 0
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        for stage in self.stages:
+            if stage not in STAGES:
+                raise InputError(f"No stage is called '{stage}'; {nearest(stage, STAGES)}")
+        if self.azimuths < 1 or self.directions < 1:
+            raise InputError(f"azimuths = {self.azimuths} and directions = {self.directions} must both be at least 1.")
+        for value in (self.friction, *self.tilt_frictions, *self.clearances):
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(f"Friction and clearance must be finite and not negative; {value} is not.")
+
+
+@dataclass(frozen=True)
+class ConeSummary:
+    """The cone that a part's insertion trials cover, radians; see `sim.directions.InsertionCone`."""
+
+    part: str
+    axis: tuple[float, ...]
+    realised_rad: float
+    tried_rad: float
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """What physics says, beside what statics says.
+
+    Attributes:
+        name: of the assembly.
+        engine: 'mujoco 3.17.0'.
+        states: one per free part, in assembly order.
+        tilt: by friction, then azimuth.
+        cones, insertion: per part; every insertion trial.
+        robust: success rates with confidence intervals; None when not asked for.
+        seconds: wall time by stage.
+        notes: near misses, parts inserted with their neighbours held, parts without a free direction.
+        interrupted: Ctrl-C came before all trials were done.
+    """
+
+    name: str
+    engine: str
+    states: tuple[StateResult, ...] = ()
+    tilt: tuple[TiltReport, ...] = ()
+    cones: tuple[ConeSummary, ...] = ()
+    insertion: tuple[InsertionTrial, ...] = ()
+    robust: RobustReport | None = None
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    interrupted: bool = False
+
+    @property
+    def disagreements(self) -> tuple[str, ...]:
+        """Return where physics and statics differ, in words; empty when they agree on everything."""
+        out = [
+            f"state after '{s.placed}': MuJoCo {s.verdict}, statics {s.statics}" for s in self.states if not s.agrees
+        ]
+        limit = np.deg2rad(0.5 if self._flat else 3.0)
+        for t in self.tilt:
+            if abs(t.difference_rad) > limit or t.failed:
+                found, expected = np.rad2deg(t.critical_rad), np.rad2deg(t.statics_rad)
+                where = f"tilt towards {np.rad2deg(t.azimuth_rad):.0f}° with friction {t.friction:g}"
+                failed = f", {len(t.failed)} runs gave no verdict" if t.failed else ""
+                out.append(f"{where}: MuJoCo {found:.2f}°, statics {expected:.2f}°{failed}")
+        return tuple(out)
+
+    @property
+    def _flat(self) -> bool:
+        return not self.cones or len(self.cones[0].axis) == 2
+
+    @property
+    def needs_support(self) -> tuple[str, ...]:
+        """Return the parts after whose placing the assembly does not stand by itself."""
+        return tuple(s.placed for s in self.states if not s.stands)
+
+
+def simulate(
+    assembly: Assembly,
+    insertion: Mapping[str, Array] | None = None,
+    questions: Questions | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+    store: TrialStore | None = None,
+) -> Simulation:
+    """Return physics' verdicts on an assembly's geometry.
+
+    Args:
+        assembly: parts where they belong, joints cut in.
+        insertion: way in by part name; default: the axis of each part's widest cone.
+        questions: what to find out; default `Questions()`.
+        progress: called with (what was done, trials done, trials in all of this stage).
+        store: keeps finished trials, so that an interrupted simulation resumes; default: in memory.
+
+    Ctrl-C ends it early with `interrupted` set and everything that was finished. Raises InputError for parts that
+    overlap, float free or have no mass, and for models that would not fit into memory.
+    """
+    import mujoco
+
+    questions = Questions() if questions is None else questions
+    store = TrialStore() if store is None else store
+    report = find_contacts(assembly)
+    require_sound(assembly, report)
+    work = _Work(assembly, report.contacts, insertion or {}, questions, progress, store)
+    result = Simulation(assembly.name, f"mujoco {mujoco.__version__}", notes=_near_misses(report))
+    stages: tuple[tuple[str, Callable[[Simulation], Simulation]], ...] = (
+        ("states", work.states),
+        ("tilt", work.tilt),
+        ("insertion", work.insertion),
+        ("robust", work.robust),
+    )
+    seconds: dict[str, float] = {}
+    for name, stage in stages:
+        if name in questions.stages and not result.interrupted:
+            started = time.perf_counter()
+            result = stage(result)
+            seconds[name] = time.perf_counter() - started
+    return replace(result, seconds={**seconds, "total": sum(seconds.values())})
+
+
+class _Work:
+    """The stages over one assembly; each takes the simulation so far and returns it with its results."""
+
+    def __init__(
+        self,
+        assembly: Assembly,
+        contacts: Sequence[Contact],
+        insertion: Mapping[str, Array],
+        questions: Questions,
+        progress: Callable[[str, int, int], None] | None,
+        store: TrialStore,
+    ) -> None:
+        for name in insertion:
+            assembly.index(name)
+        self.assembly, self.contacts, self.ways, self.ask = assembly, contacts, insertion, questions
+        self.progress, self.store = progress, store
+        self.model: ContactModel = contact_model(assembly, contacts)
+        self.identity = (assembly_hash(assembly), _engine())
+
+    def states(self, so_far: Simulation) -> Simulation:
+        trials = [
+            Trial(
+                f"state {case.name.removeprefix('state_')}",
+                ("state", *self.identity, case.name, self.ask.friction),
+                lambda case=case: asdict(
+                    state_result(self.assembly, self.model, self.contacts, case, self.ask.friction)
+                ),
+            )
+            for case in state_cases(self.assembly)
+        ]
+        rows, complete = self._rows(trials)
+        return self._finished(replace(so_far, states=tuple(_restored(StateResult, r) for r in rows)), complete)
+
+    def tilt(self, so_far: Simulation) -> Simulation:
+        frictions = sorted({*self.ask.tilt_frictions, self.ask.friction})
+        compiled = {mu: tilt_scene(self.assembly, self.model, mu) for mu in frictions}
+        trials = [
+            Trial(
+                f"tilt {np.rad2deg(a):.0f}°, friction {mu:g}",
+                ("tilt", *self.identity, float(a), mu),
+                lambda a=a, mu=mu: asdict(physical_tilt(compiled[mu], self.contacts, float(a))),
+            )
+            for mu in frictions
+            for a in azimuths(self.assembly, self.ask.azimuths)
+        ]
+        rows, complete = self._rows(trials)
+        return self._finished(replace(so_far, tilt=tuple(_restored(TiltReport, r) for r in rows)), complete)
+
+    def insertion(self, so_far: Simulation) -> Simulation:
+        model = insertion_model(self.assembly, self.contacts)
+        trials: list[Trial] = []
+        cones: list[ConeSummary] = []
+        notes: list[str] = []
+        standing = self._standing(so_far)
+        for index, part in enumerate(self.assembly.parts):
+            if part.fixed:
+                continue
+            cone = insertion_cone(self.assembly, self.contacts, index, self.ways.get(part.name))
+            axis = tuple(float(x) for x in cone.axis)
+            cones.append(ConeSummary(part.name, axis, cone.realised_rad, cone.tried_rad))
+            if cone.realised_rad < 0.0:
+                notes.append(
+                    f"'{part.name}' cannot be inserted along its direction: its neighbours block it by "
+                    f"{np.rad2deg(-cone.realised_rad):.2f}°"
+                )
+            if not standing[index]:
+                notes.append(f"'{part.name}' is inserted with the earlier parts held: without support they fall")
+            trials += [
+                Trial(f"insert {part.name}", ("insert", *self.identity, *what), find_out)
+                for what, find_out in self._insertion_groups(model, cone, standing[index])
+            ]
+        rows, complete = self._rows(trials)
+        found = tuple(_restored(InsertionTrial, t) for row in rows for t in row["trials"])
+        result = replace(so_far, cones=tuple(cones), insertion=found, notes=(*so_far.notes, *notes))
+        return self._finished(result, complete)
+
+    def robust(self, so_far: Simulation) -> Simulation:
+        trials = robust_trials(self.assembly, self.contacts, self.ways, self.ask.robust, self.ask.seed, self.identity)
+        rows, complete = self._rows(trials)
+        return self._finished(replace(so_far, robust=robust_report(rows, self.ask.robust)), complete)
+
+    def _insertion_groups(
+        self, model: ContactModel, cone: InsertionCone, below_stands: bool
+    ) -> list[tuple[tuple[Any, ...], Callable[[], Row]]]:
+        """Return (content, function) per compiled scene: one scene serves many directions and errors."""
+        groups = []
+        ways = directions(cone, self.ask.directions)
+        telling = tuple(w for w in ways if w.kind in ("axis", "rim"))
+        polygons = [c.polygon for c in self.contacts if c.parts[1] == cone.part]
+        points = [np.concatenate(polygons)] if polygons else []
+        # Negative controls only without clearance: with play, 3° outside may truly go in.
+        runs = [(c, "held", telling, self.ask.errors) for c in self.ask.clearances if c > 0.0]
+        runs.insert(0, (0.0, "held", ways, self.ask.errors))
+        if below_stands:
+            runs.append((0.0, "free", telling, ()))
+        for clearance, below, tried, errors in runs:
+
+            def find_out(
+                clearance: float = clearance, below: str = below, tried: Any = tried, errors: Any = errors
+            ) -> Row:
+                ready = insertion_scene(
+                    self.assembly,
+                    model,
+                    cone,
+                    points,
+                    clearance=clearance,
+                    below=below,
+                    friction=self.ask.friction,
+                    hand=self.ask.hand,
+                )
+                results = [insert(ready, way, hand=self.ask.hand) for way in tried]
+                axis = next((w for w in tried if w.kind == "axis"), None)
+                if axis is not None:
+                    results += [insert(ready, axis, error=e, hand=self.ask.hand) for e in errors]
+                return {"trials": [asdict(r) for r in results]}
+
+            content = (cone.part, [w.vector for w in tried], clearance, below, errors, self.ask.hand, self.ask.friction)
+            groups.append((content, find_out))
+        return groups
+
+    def _standing(self, so_far: Simulation) -> list[bool]:
+        """Return for every part whether what was placed before it stands: in physics, or else in statics."""
+        stands = {s.placed: s.stands for s in so_far.states}
+        out = []
+        before = True
+        cases = {case.name.removeprefix("state_"): case for case in state_cases(self.assembly)}
+        for part in self.assembly.parts:
+            out.append(before)
+            if part.name in stands:
+                before = stands[part.name]
+            elif part.name in cases:
+                before = self._statics_stands(cases[part.name])
+        return out
+
+    def _statics_stands(self, case: Any) -> bool:
+        result = solve_case(self.assembly, self.contacts, case, self.ask.friction).result
+        return result.status is Status.EQUILIBRIUM
+
+    def _rows(self, trials: Sequence[Trial]) -> tuple[list[Row], bool]:
+        rows = run_trials(trials, self.store, self.ask.threads, self.progress)
+        done = [row for row in rows if row is not None]
+        return done, len(done) == len(trials)
+
+    def _finished(self, result: Simulation, complete: bool) -> Simulation:
+        return result if complete else replace(result, interrupted=True)
+
+
+def _near_misses(report: ContactReport) -> tuple[str, ...]:
+    return tuple(
+        f"'{m.parts[0]}' and '{m.parts[1]}' do not touch: a gap of {m.gap_m * 1e3:.3g} mm separates parallel faces"
+        for m in report.near_misses
+    )
+
+
+def _engine() -> str:
+    import mujoco
+
+    return f"mujoco {mujoco.__version__}"
+
+
+def _restored(kind: type[Result], row: Row) -> Result:
+    """Return the dataclass a row came from; lists become tuples again."""
+    return kind(**{key: _tuples(value) for key, value in row.items()})
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(v) for v in value) if isinstance(value, (list, tuple)) else value

@@ -1,0 +1,145 @@
+"""Trials in parallel, each finished one kept at once, so that an interrupted simulation resumes where it was."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, is_dataclass
+from dataclasses import fields as fields_of
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from mocca_robot.assembly import Assembly, Polygon
+
+Row: TypeAlias = dict[str, Any]
+"""A finished trial as plain JSON values."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Something to find out.
+
+    Attributes:
+        label: what progress shows.
+        content: everything that decides the outcome, as plain values; its hash is the trial's name in the store.
+        find_out: returns the row; runs in a thread, MuJoCo releases Python's lock.
+    """
+
+    label: str
+    content: tuple[Any, ...]
+    find_out: Callable[[], Row]
+
+
+class TrialStore:
+    """Rows by content hash in one file of JSON lines; without a path they are forgotten with the object.
+
+    A line that was cut off while being written is skipped, so that its trial runs again.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self._path = path
+        self._rows: dict[str, Row] = {}
+        if path is not None and path.exists():
+            for line in path.read_text(encoding="utf-8").splitlines():
+                try:
+                    entry = json.loads(line)
+                    self._rows[entry["key"]] = entry["row"]
+                except (json.JSONDecodeError, KeyError, TypeError):
+                    continue
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def get(self, key: str) -> Row | None:
+        """Return the row of an earlier run, or None."""
+        return self._rows.get(key)
+
+    def put(self, key: str, row: Row) -> None:
+        """Keep a row, on disk before this returns."""
+        self._rows[key] = row
+        if self._path is not None:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps({"key": key, "row": row}) + "\n")
+                file.flush()
+
+
+def run_trials(
+    trials: Sequence[Trial],
+    store: TrialStore,
+    threads: int | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> list[Row | None]:
+    """Return one row per trial, in order; None for those that an interruption (Ctrl-C) left undone.
+
+    `progress` is called in this thread with (label, done, total). An error in one trial stops the rest and is
+    raised; finished trials stay in the store.
+    """
+    keys = [content_hash(t.content) for t in trials]
+    rows = [store.get(key) for key in keys]
+    todo = [k for k, row in enumerate(rows) if row is None]
+    done = len(trials) - len(todo)
+    workers = threads or os.cpu_count() or 1
+    pool = ThreadPoolExecutor(max_workers=workers)
+    queue, waiting = iter(todo), dict[Future[Row], int]()
+    try:
+        while True:
+            while len(waiting) < 2 * workers and (k := next(queue, None)) is not None:
+                waiting[pool.submit(trials[k].find_out)] = k
+            if not waiting:
+                break
+            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                k = waiting.pop(future)
+                rows[k] = future.result()
+                store.put(keys[k], rows[k] or {})
+                done += 1
+                if progress is not None:
+                    progress(trials[k].label, done, len(trials))
+    except KeyboardInterrupt:
+        pool.shutdown(wait=True, cancel_futures=True)
+        for future, k in waiting.items():
+            if not future.cancelled() and future.exception() is None:
+                rows[k] = future.result()
+                store.put(keys[k], rows[k] or {})
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+    return rows
+
+
+def content_hash(content: tuple[Any, ...]) -> str:
+    """Return a hash of plain values, arrays and dataclasses of these; equal content gives equal hashes."""
+    return hashlib.sha256(json.dumps(_plain(content), sort_keys=True).encode()).hexdigest()
+
+
+def assembly_hash(assembly: Assembly) -> str:
+    """Return a hash of the geometry, masses and order of the parts."""
+    digest = hashlib.sha256()
+    for part in assembly.parts:
+        digest.update(repr((part.name, part.density, part.fixed)).encode())
+        shape = part.shape
+        arrays = (
+            (*shape.rings, np.array(shape.thickness)) if isinstance(shape, Polygon) else (shape.vertices, shape.faces)
+        )
+        for array in arrays:
+            digest.update(np.ascontiguousarray(array).tobytes())
+    digest.update(np.ascontiguousarray(assembly.gravity).tobytes())
+    return digest.hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    if is_dataclass(value) and not isinstance(value, type):
+        return [type(value).__name__, *[_plain(getattr(value, f.name)) for f in fields_of(value)]]
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [_plain(v) for v in value]
+    return value
