@@ -119,11 +119,11 @@ def _boundary_pieces(assembly: Assembly, contacts: Sequence[Contact], part: int)
     for edge, marks in cuts.items():
         marks.sort()
         position = 0.0
-        for left, right, e in [*marks, (float(length[edge]), float(length[edge]), -1)]:
+        for left, right, owner in [*marks, (float(length[edge]), float(length[edge]), -1)]:
             if left - position > tolerance:
                 _append(starts, ends, owners, start[edge], t[edge], position, left, -1)
-            if e >= 0:
-                _append(starts, ends, owners, start[edge], t[edge], left, right, e)
+            if owner >= 0:
+                _append(starts, ends, owners, start[edge], t[edge], left, right, owner)
             position = right
     return np.concatenate(starts), np.concatenate(ends), np.concatenate(owners)
 

@@ -100,7 +100,7 @@ def design(
     impossible = None
     polished = Polished(start, before.infeasibility, 0.0, 0)
     kinematic = realization = 0.0
-    if before.infeasibility.max(initial=0.0) > 1e-13:
+    if before.infeasibility.max(initial=0.0) > 1e-13 and not narrow:
         proof = bound(assembly, found, shapes.can_curve, options, loads, len(required))
         impossible = None if proof is None else (required[proof.case].name, proof)
         kinematic = time.perf_counter() - started
@@ -203,7 +203,7 @@ def _attempts(problem: Problem, start: Parameters) -> Iterator[tuple[str, Shapes
     resting = np.where(curved[:, None], shape, shapes.rest)
     yield "all joints", fitted, Parameters(resting, first.lean, first.axis, every)
     for kind in kinds:
-        for height in (-0.12, 0.12, -0.25, 0.25):
+        for height in (-0.15, 0.15):
             family = shapes.with_kinds([kind] * len(shapes.contacts))
             bumps = np.tile(shapes.rest, (len(shapes.contacts), 1))
             bumps[:, shapes.heights[0]] = height

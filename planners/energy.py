@@ -69,7 +69,7 @@ class Loads:
     @cached_property
     def scale(self) -> Array:
         """Return (K,) |w| of each case."""
-        return np.maximum(np.linalg.norm(self.wrenches.reshape(len(self.wrenches), -1), axis=1), 1e-300)
+        return np.asarray(np.maximum(np.linalg.norm(self.wrenches.reshape(len(self.wrenches), -1), axis=1), 1e-300))
 
     def only(self, cases: IntArray) -> Loads:
         """Return the loads of the cases with these indices."""

@@ -70,6 +70,8 @@ SOLVED = 1e-13
 """E/|w|² of a required case that counts as zero: |s|/|w| below half of the verdict's tolerance."""
 MARGIN_SOLVED = 1e-9
 VIOLATED = 1e-6
+PATIENCE = 10
+"""Evaluations in which the objective has to fall by three tenths; slower than that it is on its way to a local rest."""
 
 
 def evaluate(
@@ -149,8 +151,10 @@ def _descend(
     count = 0
     last: EnergyResult | None = None
 
-    class Solved(Exception):
-        """Everything holds; `args[0]` is the optimiser's vector."""
+    values: list[float] = []
+
+    class Ended(Exception):
+        """Everything holds, or nothing moves any more; `args[0]` is the optimiser's vector."""
 
     def objective(x: Array) -> tuple[float, Array]:
         nonlocal count, last
@@ -159,8 +163,11 @@ def _descend(
         worst = float(last.infeasibility.max())
         if progress is not None:
             progress(count, worst)
+        values.append(value)
         if violation <= VIOLATED and worst <= 0.1 * MARGIN_SOLVED:
-            raise Solved(x.copy())
+            raise Ended(x.copy())
+        if len(values) > 2 * PATIENCE and min(values[-PATIENCE:]) > 0.7 * min(values[:-PATIENCE]):
+            raise Ended(x.copy())
         return value, gradient
 
     try:
@@ -173,8 +180,8 @@ def _descend(
             options={"maxfun": evaluations, "maxiter": evaluations, "ftol": 0.0, "gtol": 1e-12, "maxcor": 20},
         )
         return layout.parameters(answer.x), count
-    except Solved as solved:
-        return layout.parameters(solved.args[0]), count
+    except Ended as ended:
+        return layout.parameters(ended.args[0]), count
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,9 +222,9 @@ class _Layout:
     def parameters(self, x: Array) -> Parameters:
         n_shape, n_lean, _ = self.sizes
         shape, lean, axis = self.start.shape.copy(), self.start.lean.copy(), self.start.axis.copy()
-        shape[self.joints] = x[:n_shape].reshape(len(self.joints), -1)
-        lean[self.pairs] = x[n_shape : n_shape + n_lean].reshape(len(self.pairs), -1)
-        moves = x[n_shape + n_lean :].reshape(len(self.parts), -1)
+        shape[self.joints] = x[:n_shape].reshape(len(self.joints), shape.shape[1])
+        lean[self.pairs] = x[n_shape : n_shape + n_lean].reshape(len(self.pairs), lean.shape[1])
+        moves = x[n_shape + n_lean :].reshape(len(self.parts), self.tangents.shape[1])
         axis[self.parts] += np.einsum("pt,ptd->pd", moves, self.tangents[self.parts])
         axis /= np.linalg.norm(axis, axis=1)[:, None]
         return Parameters(shape, lean, axis, self.start.curved)
