@@ -10,7 +10,8 @@ import shapely
 from mocca_robot.assembly import Assembly, Mesh, Part, Polygon
 from mocca_robot.contacts import to_shapely
 from mocca_robot.errors import InputError
-from mocca_robot.files.cut import CutOptions, write_cut_dxf, write_cut_svg
+from mocca_robot.files.config import CutOptions
+from mocca_robot.files.cut import write_cut_dxf, write_cut_svg
 from mocca_robot.files.sheet import nested
 from mocca_robot.files.svg import read_svg
 

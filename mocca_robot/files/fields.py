@@ -12,6 +12,7 @@ from mocca_robot.assembly import Array, read_only
 from mocca_robot.errors import InputError, nearest
 
 UNITS_M: Mapping[str, float] = {
+    "um": 1e-6,
     "mm": 1e-3,
     "cm": 1e-2,
     "m": 1.0,

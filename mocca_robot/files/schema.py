@@ -13,7 +13,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.files import fields as checks
 from mocca_robot.joints.options import JointOptions
 
-JOINT_KINDS = ("n", "z", "planar", "single", "piecewise", "bicubic", "tenon")
+JOINT_KINDS = ("n", "z")
 GENERATORS = ("shell", "frame", "stack", "wall", "arch", "dome")
 MODEL_FILES = ("svg", "json", "obj", "stl", "ply", "3mf", "glb")
 
