@@ -64,9 +64,12 @@ class PairBlocks:
     to_own: Array
 
     @classmethod
-    def of(cls, system: ContactSystem, centre: Array | None = None) -> PairBlocks:
-        """Return the blocks of `system`, motions about `centre` (default: the mean reference point)."""
-        centre = system.about[system.free].mean(axis=0) if centre is None else centre
+    def of(cls, system: ContactSystem, together: int = 1) -> PairBlocks:
+        """Return the blocks of `system`, motions about the mean reference point.
+
+        `together` rays of a pair that follow each other stay together and are only repeated together.
+        """
+        centre = system.about[system.free].mean(axis=0)
         number = np.full(len(system.free), int(system.free.sum()))
         number[system.free] = np.arange(int(system.free.sum()))
         moved = system.free[system.pairs].any(axis=1)
@@ -75,7 +78,7 @@ class PairBlocks:
         unique, starts, counts = np.unique(keys[order], return_index=True, return_counts=True)
         rays = _about(system.rays_j, system.about[system.pairs[:, 1]] - centre, system.length)
         buckets, sources, used = [], [], 0
-        stored = _round_up(counts)
+        stored = _round_up(counts // together) * together
         for m in np.unique(stored):
             mine = np.flatnonzero(stored == m)
             # A pair with fewer rays repeats some of them: a repeated constraint changes nothing.

@@ -47,7 +47,7 @@ def solve_interior_point(system: ContactSystem, w: Array, c: Array) -> tuple[Arr
     z, residual = _multipliers(blocks, blocks.own_transposed(w) / scale, c[blocks.source] / scale)
     if residual > 1e-6:
         raise SolverFailed(f"The interior point stopped at a relative residual of {residual:.1e}.")
-    f: Array = np.bincount(blocks.source, weights=z, minlength=blocks.n_rays) * scale
+    f = np.asarray(np.bincount(blocks.source, weights=z, minlength=blocks.n_rays) * scale, dtype=np.float64)
     return np.asarray(w + system.matrix.T @ f), f
 
 
