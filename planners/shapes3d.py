@@ -83,7 +83,7 @@ class Shapes3D:
             stacked = Rectangles.of([r for e in some if (r := single[e]) is not None])
             shorter = np.linalg.norm(stacked.edge_y, axis=1)
             margin = np.maximum(options.margin * shorter, options.min_distance)
-            low, high = height_limits(assembly, chosen, stacked, normals[pair[some]], margin, contacts)
+            low, high = height_limits(assembly, chosen, stacked, normals[pair[some]], margin)
             reach[some] = np.stack([low, high], axis=1)
         most = max(len(c.polygon) for c in contacts)
         corners = np.array([c.polygon[np.minimum(np.arange(most), len(c.polygon) - 1)] for c in contacts])
