@@ -63,7 +63,7 @@ def findings(plan: Plan) -> list[Finding]:
             there = f"{here}, move {k} ({move.kind})"
             out.extend(_move_findings(move, step, plan.cell, model, there))
             if previous is not None:
-                out.extend(_joint_gap(previous, move.path[0], f"{there}, waypoint 0", plan.cell.limits))
+                out.extend(_seam(previous, move.path[0], f"{there}, waypoint 0", plan.cell.limits))
             previous = move.path[-1]
     return out
 
@@ -247,6 +247,19 @@ def _joint_gap(before: Waypoint, after: Waypoint, here: str, limits: Limits) -> 
             f"{jumps[worst]:.3g} rad",
             f"{limits.joint_step_rad:g} rad",
             "Sample the path more finely; a branch change needs a transit of its own.",
+        )
+
+
+def _seam(before: Waypoint, after: Waypoint, here: str, limits: Limits) -> Iterator[Finding]:
+    """Yield when a move does not begin where the one before it ended: the arm would go there unplanned."""
+    gap = float(np.abs(np.subtract(after.q, before.q)).max())
+    if not gap <= limits.start_joint_rad:
+        yield Finding(
+            here,
+            "distance from the end of the move before",
+            f"{gap:.3g} rad",
+            f"{limits.start_joint_rad:g} rad",
+            "Begin every move where the last one ended: plan this part again.",
         )
 
 

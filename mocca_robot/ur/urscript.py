@@ -247,4 +247,4 @@ def _pose(values: Sequence[float]) -> str:
 
 def _plain(text: str) -> str:
     """Return a name without anything that could end a string or a line of the program."""
-    return "".join(c if c.isalnum() or c in " _-.()" else "_" for c in text)[:60]
+    return "".join(c if (c.isascii() and c.isalnum()) or c in " _-." else "_" for c in text)[:60]
