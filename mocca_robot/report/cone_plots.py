@@ -13,7 +13,7 @@ from mocca_robot.motion_cone import cross, extreme_rays
 from mocca_robot.report.markup import degrees, esc, point_list, px
 
 SECTION_HALVES = (2.0, 4.0, 8.0, 16.0)
-"""Half-widths of the window on the cut plane c·v = 1: the first that holds the section, else the last, clipped."""
+"""Half-widths of the window on the cut plane c·v = 1: the first that holds all sliding of the section."""
 SIZE = 104.0
 
 
@@ -63,10 +63,10 @@ def joint_section(joint: Joint, about: Array, length: float, way_out: Array | No
     corners = joint.contact.polygon
     before = np.concatenate([flat, cross(corners - about, flat) / length], axis=1)
     frame = section_frame(before)
-    half = SECTION_HALVES[-1]
+    half = SECTION_HALVES[1]
     if not joint.is_planar:
-        reach = np.abs(section_polygon(normals, frame, half)).max(initial=0.0)
-        half = next((h for h in SECTION_HALVES if reach < h), half)
+        reach = np.abs(section_polygon(normals, frame, SECTION_HALVES[-1])[:, 0]).max(initial=0.0)
+        half = next((h for h in SECTION_HALVES if reach < h), SECTION_HALVES[-1])
     body = [_axes(half)]
     for rows, cls in ((before, "section-flat"), (normals, "section")):
         polygon = section_polygon(rows, frame, half)

@@ -112,7 +112,7 @@ def load_cases(data: ReportData) -> str:
 
 
 def _infeasibility(value: float) -> str:
-    return "< 10⁻¹⁵" if 0.0 < value < 1e-15 else significant(value, 3)
+    return "&lt; 10⁻¹⁵" if 0.0 < value < 1e-15 else significant(value, 3)
 
 
 def joints(data: ReportData) -> str:

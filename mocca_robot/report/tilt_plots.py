@@ -59,11 +59,13 @@ def _protractor(series: Sequence[TiltSeries], limit: float, asked_rad: float | N
         body.append(f'<polygon class="asked" points="{point_list(fan)}"><title>asked for</title></polygon>')
     for k, one in enumerate(series):
         share = 0.86 - 0.13 * k
-        sides = {np.cos(a) >= 0: float(np.rad2deg(t)) for a, t in zip(one.azimuths_rad, one.angles_rad)}
-        low, high = -sides.get(np.False_, 0.0), sides.get(np.True_, 0.0)
+        signed = [
+            float(np.rad2deg(t)) * (1.0 if np.cos(a) >= 0 else -1.0) for a, t in zip(one.azimuths_rad, one.angles_rad)
+        ]
+        low, high = min([*signed, 0.0]), max([*signed, 0.0])
         fan = np.array([pivot, *(at(t, share) for t in np.linspace(low, high, 41))])
         body.append(f'<polygon class="fan {one.style}" points="{point_list(fan)}"/>')
-        for tilt in (low, high):
+        for tilt in signed:
             end, text = at(tilt, share), at(tilt, share) + np.array([8.0 if tilt >= 0 else -8.0, 4.0])
             anchor = "start" if tilt >= 0 else "end"
             body.append(
