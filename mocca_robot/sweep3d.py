@@ -1,0 +1,148 @@
+"""Moving a solid part along straight lines: which others it meets, and how much solids overlap.
+
+Part A, moved along w, meets B exactly when some line along w passes a point of A and, further on, a point of B.
+As the two do not overlap at the start, it is enough to compare the faces of A that look along w with the faces
+of B that look back: seen along w they overlap, and B's is not behind A's. Pairs of triangles are compared in the
+plane across w, without ever building the swept volume.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+
+from mocca_robot.assembly import Array, Assembly, IntArray, Mesh
+from mocca_robot.joints.triangulation import plane_axes
+from mocca_robot.penetration import solid
+
+SWEEP_TOLERANCE = 1e-6
+"""Share of the assembly's size below which a hit's width is sliding contact, rounding or weld; as in 2D."""
+CLIP_CORNERS = 10
+"""Slots for a triangle cut by four half planes: at most 7 corners, and room to cut."""
+
+
+def sweep_blockers_3d(assembly: Assembly, part: int, ways_out: Array) -> tuple[int, ...]:
+    """Return the earlier parts that `part` hits on its way out along any of `ways_out` (m, 3).
+
+    The way is endless: everything ahead counts. Touching and sliding along a face are no hits: the common
+    outline of the faces that meet, seen along the way, is wider than 1e-6 of the assembly's size.
+    """
+    moving = _mesh(assembly, part)
+    tolerance = SWEEP_TOLERANCE * assembly.size
+    hit: set[int] = set()
+    for way in ways_out:
+        frame = np.concatenate([plane_axes(way / np.linalg.norm(way)), way[None] / np.linalg.norm(way)])
+        ahead = _Profile(moving, frame, 1.0, tolerance)
+        for other in range(part):
+            if other not in hit and _meets(ahead, _mesh(assembly, other), frame, tolerance):
+                hit.add(other)
+    return tuple(sorted(hit))
+
+
+def _mesh(assembly: Assembly, part: int) -> Mesh:
+    shape = assembly.parts[part].shape
+    assert isinstance(shape, Mesh)
+    return shape
+
+
+class _Profile:
+    """Triangles of a mesh that look along the way (`sense` 1) or back (−1), in the frame across it.
+
+    `corners` (F, 3, 2) are counter-clockwise, `heights` (F, 3) along the way; triangles seen edge-on are left out.
+    """
+
+    def __init__(self, mesh: Mesh, frame: Array, sense: float, tolerance: float) -> None:
+        local = mesh.vertices @ frame.T
+        faces = mesh.faces if sense > 0 else mesh.faces[:, ::-1]
+        corners = local[faces]
+        ab, ac = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
+        area = 0.5 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
+        edges = np.roll(corners[..., :2], -1, axis=1) - corners[..., :2]
+        wide = area > 0.5 * tolerance * np.linalg.norm(edges, axis=2).sum(axis=1)
+        self.corners, self.heights = corners[wide, :, :2], corners[wide, :, 2]
+        self.tree = shapely.STRtree(shapely.box(*self.corners.min(axis=1).T, *self.corners.max(axis=1).T))
+        self.lowest = float(self.heights.min(initial=np.inf))
+
+
+def _meets(ahead: _Profile, other: Mesh, frame: Array, tolerance: float) -> bool:
+    local = other.vertices @ frame.T
+    if local[:, 2].max() < ahead.lowest - tolerance or len(ahead.corners) == 0:
+        return False
+    low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
+    if (low > ahead.corners.max(axis=(0, 1))).any() or (high < ahead.corners.min(axis=(0, 1))).any():
+        return False
+    back = _Profile(other, frame, -1.0, tolerance)
+    b, a = ahead.tree.query(shapely.box(*back.corners.min(axis=1).T, *back.corners.max(axis=1).T))
+    reaches = back.heights[b].max(axis=1) >= ahead.heights[a].min(axis=1) - tolerance
+    a, b = a[reaches], b[reaches]
+    if len(a) == 0:
+        return False
+    return bool((_meeting_widths(ahead, a, back, b, tolerance) > tolerance).any())
+
+
+def _meeting_widths(ahead: _Profile, a: IntArray, back: _Profile, b: IntArray, tolerance: float) -> Array:
+    """Return (n,) how wide, m, pairs of triangles overlap where the second is not behind the first."""
+    first, second = ahead.corners[a], back.corners[b]
+    polygon = np.concatenate([first, np.repeat(first[:, -1:], CLIP_CORNERS - 3, axis=1)], axis=1)
+    for k in range(3):
+        start, end = second[:, k], second[:, (k + 1) % 3]
+        inward = np.stack([start[:, 1] - end[:, 1], end[:, 0] - start[:, 0]], axis=1)
+        polygon = _clipped(polygon, np.einsum("nkd,nd->nk", polygon - start[:, None], inward))
+    gain, level = _plane(second, back.heights[b])
+    slope, base = _plane(first, ahead.heights[a])
+    above = np.einsum("nkd,nd->nk", polygon, gain - slope) + (level - base)[:, None] + tolerance
+    polygon = _clipped(polygon, above)
+    step = np.roll(polygon, -1, axis=1) - polygon
+    offset = polygon - polygon[:, :1]
+    area = 0.5 * (offset[..., 0] * step[..., 1] - offset[..., 1] * step[..., 0]).sum(axis=1)
+    around = np.linalg.norm(step, axis=2).sum(axis=1)
+    return np.asarray(2.0 * area / np.maximum(around, 1e-300))
+
+
+def _clipped(polygon: Array, inside: Array) -> Array:
+    """Return convex polygons (n, K, 2) cut where `inside` (n, K) ≥ 0, padded by repeating a corner."""
+    following, after = np.roll(polygon, -1, axis=1), np.roll(inside, -1, axis=1)
+    crosses = (inside > 0) != (after > 0)
+    share = np.where(crosses, inside / np.where(crosses, inside - after, 1.0), 0.0)
+    cut = polygon + share[..., None] * (following - polygon)
+    n, k = inside.shape
+    both = np.stack([polygon, cut], axis=2).reshape(n, 2 * k, 2)
+    repeated = (polygon == following).all(axis=2)
+    kept = np.stack([(inside > 0) & ~repeated, crosses], axis=2).reshape(n, 2 * k)
+    order = np.argsort(~kept, axis=1, kind="stable")[:, :k]
+    result = np.take_along_axis(both, order[..., None], axis=1)
+    valid = np.take_along_axis(kept, order, axis=1)
+    return np.where(valid[..., None], result, result[:, :1])
+
+
+def _plane(corners: Array, heights: Array) -> tuple[Array, Array]:
+    """Return gradients (n, 2) and levels (n,) of the planes through triangles (n, 3, 2) with `heights` (n, 3)."""
+    ab, ac = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    rise_b, rise_c = heights[:, 1] - heights[:, 0], heights[:, 2] - heights[:, 0]
+    doubled = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
+    gradient = np.stack([rise_b * ac[:, 1] - rise_c * ab[:, 1], rise_c * ab[:, 0] - rise_b * ac[:, 0]], axis=1)
+    gradient /= doubled[:, None]
+    return gradient, heights[:, 0] - np.einsum("nd,nd->n", gradient, corners[:, 0])
+
+
+def mesh_overlap(meshes: Sequence[Mesh]) -> float:
+    """Return the largest volume that two of `meshes` share, as a share of the smaller one's volume.
+
+    Every pair whose bounding boxes share a volume is intersected exactly (manifold3d).
+    """
+    if len(meshes) < 2:
+        return 0.0
+    bounds = np.array([m.bounds for m in meshes])
+    lower, upper = bounds[:, 0], bounds[:, 1]
+    boxes = shapely.box(lower[:, 0], lower[:, 1], upper[:, 0], upper[:, 1])
+    i, j = shapely.STRtree(boxes).query(boxes)
+    common = np.minimum(upper[i], upper[j]) - np.maximum(lower[i], lower[j])
+    close = (i < j) & (common > 0).all(axis=1)
+    solids = [solid(m) for m in meshes] if close.any() else []
+    worst = 0.0
+    for a, b in zip(i[close], j[close]):
+        smaller = min(meshes[a].volume, meshes[b].volume)
+        worst = max(worst, float((solids[a] ^ solids[b]).volume()) / smaller)
+    return worst
