@@ -21,7 +21,7 @@ GHOST_REACH = 0.10
 FORCE_REACH = 0.12
 """Length of the largest force arrow, as a share of the assembly's size."""
 WEDGE = 0.075
-"""Radius of motion cones, as a share of the assembly's size."""
+"""Radius of a few motion cones, as a share of the assembly's size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,6 +233,11 @@ def free_interval(normals: Array, axis: Array) -> tuple[float, float] | None:
     return (low, high) if low <= 0.0 <= high else None
 
 
+def wedge_reach(count: int) -> float:
+    """Return the radius of `count` motion cones as a share of the assembly's size: smaller where there are many."""
+    return float(np.clip(WEDGE * np.sqrt(6.0 / max(count, 1)), 0.45 * WEDGE, WEDGE))
+
+
 def wedge(centre: Array, axis: Array, low: float, high: float, radius: float, cls: str, title: str) -> str:
     """Return a filled wedge in pixels between two angles about a world `axis` (y up)."""
     steps = np.linspace(low, high, max(3, int(np.ceil((high - low) / 0.15)) + 1))
@@ -246,7 +251,8 @@ def wedge(centre: Array, axis: Array, low: float, high: float, radius: float, cl
 def cones_layer(assembly: Assembly, contacts: Sequence[Contact], insertions: Sequence[Insertion], view: View) -> str:
     """Return each part's motion cone V_j at its centroid, the required K(−d, α) in it, and the way in as an arrow."""
     normals = way_out_normals(assembly, contacts)
-    radius = WEDGE * assembly.size * view.scale
+    alpha = assembly.alpha_rad or 0.0
+    radius = wedge_reach(len(insertions)) * assembly.size * view.scale
     drawn = []
     for insertion in insertions:
         part = assembly.index(insertion.part)
@@ -256,7 +262,6 @@ def cones_layer(assembly: Assembly, contacts: Sequence[Contact], insertions: Seq
         name = insertion.part
         if free is not None:
             drawn.append(wedge(centre, axis, *free, radius, "cone", f"{name} can leave within this cone"))
-        alpha = insertion.alpha_rad
         if alpha > 0:
             title = f"{name}: asked for ±{degrees(alpha)} about its insertion direction"
             drawn.append(wedge(centre, axis, -alpha, alpha, radius, "alpha", title))

@@ -59,7 +59,8 @@ def document(title: str, header: str, body: str, scripts: list[str]) -> str:
         '<!DOCTYPE html>\n<html lang="en" xmlns="http://www.w3.org/1999/xhtml"><head><meta charset="utf-8"/>'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}"/>'
         '<meta name="viewport" content="width=device-width, initial-scale=1"/>'
-        f"<title>{esc(title)}</title><style>{asset('style.css')}{asset('drawing.css')}</style></head>\n<body>{PAGE_DEFS}\n{header}\n"
+        f"<title>{esc(title)}</title><style>{asset('style.css')}{asset('drawing.css')}</style>"
+        f"<noscript><style>.needs-script{{display:none}}</style></noscript></head>\n<body>{PAGE_DEFS}\n{header}\n"
         f"<main>\n{body}\n</main>\n<footer>Made by mocca-robot. This file is complete in itself: it asks the network "
         f"for nothing.</footer>\n{code}</body></html>\n"
     )

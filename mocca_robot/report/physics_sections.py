@@ -115,7 +115,7 @@ def _maps(data: ReportData, simulated: Mapping[str, Mapping[str, Any]]) -> str:
         plot = direction_map(
             normals.get(assembly.index(item.part), np.zeros((0, 3))),
             -np.asarray(item.direction),
-            item.alpha_rad,
+            assembly.alpha_rad or 0.0,
             trials if isinstance(trials, list) else (),
         )
         drawn.append(f"<figure>{plot}<figcaption>{esc(item.part)}</figcaption></figure>")

@@ -13,7 +13,7 @@ from mocca_robot.assembly import Array, Assembly, Mesh
 from mocca_robot.contacts import Contact
 from mocca_robot.report.cone_plots import free_reach, tangent_axes
 from mocca_robot.report.data import ReportData
-from mocca_robot.report.drawing2d import FORCE_REACH, WEDGE, merged_forces, way_out_normals
+from mocca_robot.report.drawing2d import FORCE_REACH, merged_forces, way_out_normals, wedge_reach
 from mocca_robot.report.drawing3d import displaced_3d
 from mocca_robot.report.findings import State
 from mocca_robot.report.palette import part_colours
@@ -110,9 +110,9 @@ def _cones(data: ReportData, asked: bool) -> Array:
         part = assembly.index(item.part)
         out, apex = -np.asarray(item.direction), assembly.parts[part].centroid
         axes = tangent_axes(out)
-        lean = np.full(24, item.alpha_rad) if asked else free_reach(normals[part], out, axes, azimuths)
+        lean = np.full(24, assembly.alpha_rad or 0.0) if asked else free_reach(normals[part], out, axes, azimuths)
         around = np.cos(azimuths)[:, None] * axes[0] + np.sin(azimuths)[:, None] * axes[1]
-        length = assembly.size * WEDGE * (1.4 if asked else 1.0)
+        length = assembly.size * wedge_reach(len(data.design.insertion)) * (1.4 if asked else 1.0)
         rim = apex + length * (np.cos(lean)[:, None] * out + np.sin(lean)[:, None] * around)
         spokes = np.stack([np.broadcast_to(apex, rim.shape), rim], axis=1)[:: 3 if asked else 2]
         lines.append(np.concatenate([spokes, np.stack([rim, np.roll(rim, -1, axis=0)], axis=1)]))

@@ -132,7 +132,7 @@ def joints(data: ReportData) -> str:
             way = by_part.get(j)
             about, length = assembly.parts[joint.contact.parts[1]].centroid, assembly.size / 2
             out = None if way is None else -np.asarray(way.direction)
-            plot = joint_section(joint, about, length, out, 0.0 if way is None else way.alpha_rad)
+            plot = joint_section(joint, about, length, out, assembly.alpha_rad or 0.0)
             sections.append(f"<figure>{plot}<figcaption>{esc(i)} – {esc(j)}</figcaption></figure>")
     head = ("Parts", "Type", "Direction u", "Steepest slope", "Smallest radius", "Parameters (SI)")
     body = table(head, rows, caption="Joints", numeric=(3, 4))
