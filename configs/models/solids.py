@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import manifold3d
 import numpy as np
 from numpy.typing import NDArray
+
+from mocca_robot.generators.dome import ring_surface, running_bond
+from mocca_robot.generators.surface import Surface
 
 Array = NDArray[np.float64]
 Solid = tuple[Array, NDArray[np.int64]]
@@ -22,6 +26,7 @@ def main(folder: Path) -> None:
     """Write every model into `folder`."""
     for name, parts in (("sphere", sphere()), ("horse", horse())):
         write_obj(folder / f"{name}.obj", parts)
+    write_surface(folder / "lilium_tower.obj", *lilium_tower())
 
 
 def write_obj(path: Path, parts: dict[str, Solid]) -> None:
@@ -68,6 +73,47 @@ def _cap(u: Array, v: Array, radius: float, steps: int) -> Solid:
     fan = np.stack([np.full(len(rim), n * n), np.roll(rim, -1), rim], axis=1)
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]], fan])
     return np.concatenate([points, np.zeros((1, 3))]), triangles
+
+
+# --- lilium tower ----------------------------------------------------------------------------------------------
+
+LILIUM_PROFILE = (
+    (1.0, 0.0), (0.87, 0.36), (0.78, 0.72), (0.72, 1.08), (0.7, 1.42), (0.73, 1.76), (0.77, 2.06), (0.73, 2.3),
+    (0.58, 2.42), (0.41, 2.37), (0.25, 2.26),
+)  # fmt: skip
+"""Radius and height of the beds, metres: a waist, a lip, and the inverted bump inside it."""
+LILIUM_LEAN_DEG = (0, 0, 0, 0, 2, 6, 16, 38, 62, 70, 76)
+"""How far the beds rise outwards; in the bump they lean out as well, so that blocks go in from above."""
+LILIUM_BLOCKS = [18, 18, 17, 17, 15, 13, 13, 12, 9, 6]
+LILIUM_LOBES = 3
+
+
+def lilium_tower(lobe: float = 0.05, snap: float = 0.3, shift: float = 0.5) -> tuple[Surface, list[str], Array]:
+    """Return the surface, block names and directions of a three-lobed tower with an inverted bump on top."""
+    profile = np.array(LILIUM_PROFILE)
+    rings = running_bond(LILIUM_BLOCKS, profile, shift=shift, snap=snap, lean=np.deg2rad(18.0))
+    surface, names = ring_surface(rings, profile, cap=True)
+    points = surface.points
+    turn = np.arctan2(points[:, 1], points[:, 0])
+    height = points[:, 2]
+    inside = np.hypot(points[:, 0], points[:, 1]) < 0.6
+    swell = np.where(inside, 1.0, np.sin(np.pi * np.clip(height / 2.42, 0.0, 1.0)))
+    stretch = 1.0 + lobe * np.where(inside, 0.0, swell) * np.cos(LILIUM_LOBES * turn)
+    points = np.column_stack([points[:, 0] * stretch, points[:, 1] * stretch, height])
+    bed = np.abs(height[:, None] - profile[None, :, 1]).argmin(axis=1)
+    lean = np.deg2rad(np.array(LILIUM_LEAN_DEG, float))[bed]
+    directions = np.column_stack([np.cos(lean) * np.cos(turn), np.cos(lean) * np.sin(turn), np.sin(lean)])
+    return Surface(points, surface.faces), [name for name, _ in names], directions
+
+
+def write_surface(path: Path, surface: Surface, names: list[str], directions: Array) -> None:
+    """Write polygons, one object each, with the directions in which they are to be thickened as vertex normals."""
+    lines = [f"# {path.stem}: a surface of {len(names)} polygons, metres, z up; normals say where the outside is"]
+    lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in (np.round(surface.points, DIGITS) + 0.0).tolist()]
+    lines += [f"vn {x!r} {y!r} {z!r}" for x, y, z in (np.round(directions, DIGITS) + 0.0).tolist()]
+    for name, face in zip(names, surface.faces):
+        lines += [f"o {name}", "f " + " ".join(f"{v + 1}//{v + 1}" for v in face)]
+    path.write_text("\n".join(lines) + "\n")
 
 
 # --- horse -----------------------------------------------------------------------------------------------------
@@ -129,7 +175,7 @@ def _extruded(outline: Outline, y0: float, y1: float) -> manifold3d.Manifold:
 
 def _narrowed(solid: manifold3d.Manifold, front: Sequence[tuple[float, float]]) -> manifold3d.Manifold:
     """Return `solid` cut to a convex shape seen from the front: half widths at heights, extended at both ends."""
-    for (w0, z0), (w1, z1) in zip(front, front[1:]):
+    for (w0, z0), (w1, z1) in pairwise(front):
         normal = np.array([0.0, z0 - z1, w1 - w0])
         normal /= np.linalg.norm(normal)
         offset = float(normal @ [0.0, w0, z0])

@@ -20,10 +20,12 @@ class ObjObject:
         vertices: (V, 3), in the file's units; shared by all objects of the file.
         faces: vertex indices of each polygon, counter-clockwise from outside.
         lines: vertex indices of each polyline.
+        normals: (V, 3), the last normal that a face gives each vertex, zero where none does.
     """
 
     name: str
     vertices: Array
+    normals: Array
     faces: list[list[int]] = field(default_factory=list)
     lines: list[list[int]] = field(default_factory=list)
 
@@ -39,6 +41,8 @@ def read_obj(path: Path) -> list[ObjObject]:
     'o' starts an object; 'g' does too in files without 'o'. Raises InputError naming the line it cannot read.
     """
     vertices: list[list[float]] = []
+    given: list[list[float]] = []
+    normal_of: dict[int, int] = {}
     groups: list[tuple[str, list[list[int]], list[list[int]]]] = [("", [], [])]
     text = Path(path).read_text(errors="replace").replace("\\\n", " ")
     lines = text.splitlines()
@@ -52,21 +56,30 @@ def read_obj(path: Path) -> list[ObjObject]:
                 vertices.append([float(w) for w in words[1:4]])
                 if len(vertices[-1]) < 3:
                     raise ValueError("fewer than three coordinates")
+            elif words[0] == "vn":
+                given.append([float(w) for w in words[1:4]])
             elif words[0] == starts:
                 groups.append((" ".join(words[1:]), [], []))
             elif words[0] in ("f", "l"):
                 corners = [_index(w, len(vertices)) for w in words[1:]]
+                for corner, word in zip(corners, words[1:]):
+                    if word.count("/") == 2 and not word.endswith("/"):
+                        normal_of[corner] = _index(word.rsplit("/", 1)[1], len(given))
                 (groups[-1][1] if words[0] == "f" else groups[-1][2]).append(corners)
         except ValueError as error:
             raise InputError(f"{path}, line {number}: cannot read '{line.strip()}' ({error}).") from error
     points = np.array(vertices, dtype=np.float64).reshape(-1, 3)
+    normals = np.zeros_like(points)
+    for corner, normal in normal_of.items():
+        if 0 <= corner < len(points) and 0 <= normal < len(given):
+            normals[corner] = given[normal][:3]
     merged: dict[str, ObjObject] = {}
     for name, faces, polylines in groups:
         for corners in faces + polylines:
             if max(corners, default=0) >= len(points) or min(corners, default=0) < 0:
                 raise InputError(f"{path}: a face refers to a vertex that does not exist ({len(points)} vertices).")
         if faces or polylines:
-            kept = merged.setdefault(name, ObjObject(name, points))
+            kept = merged.setdefault(name, ObjObject(name, points, normals))
             kept.faces.extend(faces)
             kept.lines.extend(polylines)
     if not merged:

@@ -9,8 +9,9 @@ from typing import Any
 from mocca_robot.assembly import Assembly
 from mocca_robot.errors import InputError, nearest
 from mocca_robot.generators.dome import dome
+from mocca_robot.generators.shell import shell
 
-KINDS: dict[str, Callable[[Mapping[str, Any], Path], Assembly]] = {"dome": dome}
+KINDS: dict[str, Callable[[Mapping[str, Any], Path], Assembly]] = {"dome": dome, "shell": shell}
 
 
 def generate(kind: str, parameters: Mapping[str, Any], folder: Path = Path(".")) -> Assembly:

@@ -58,17 +58,19 @@ def dome(given: Mapping[str, Any], _folder: Path) -> Assembly:
     if top >= base:
         raise InputError(f"dome.top_deg is {np.rad2deg(top):g}; it must be less than base_deg, {np.rad2deg(base):g}.")
     polar = np.linspace(base, top, len(blocks) + 1)
+    radius = p.number("radius", 1e-3, 1e3)
+    profile = radius * np.stack([np.sin(polar), np.cos(polar)], axis=1)
     door = np.deg2rad(p.at_least("door_deg", 0.0, 120.0))
-    rings = _rings(
+    rings = running_bond(
         blocks,
-        polar,
+        profile,
         shift=p.at_least("shift", 0.0, 1.0),
         snap=p.at_least("snap", 0.0, 0.5),
         lean=np.deg2rad(p.at_least("key_lean_deg", 0.0, 45.0)),
         door=door,
         door_rings=p.count("door_rings", 0, len(blocks) - 1) if door > 0 else 0,
     )
-    surface, names = _surface(rings, polar, p.number("radius", 1e-3, 1e3), p.flag("cap"))
+    surface, names = ring_surface(rings, profile, p.flag("cap"))
     outward = surface.points / np.linalg.norm(surface.points, axis=1)[:, None]
     meshes = thicken(surface, outward, p.number("thickness", 1e-4, 1e3))
     density = p.number("density", 0.0, 1e5)
@@ -76,16 +78,27 @@ def dome(given: Mapping[str, Any], _folder: Path) -> Assembly:
     return Assembly("dome", tuple(parts))
 
 
-def _rings(
-    blocks: list[int], polar: Array, *, shift: float, snap: float, lean: float, door: float, door_rings: int
+def running_bond(
+    blocks: list[int],
+    profile: Array,
+    *,
+    shift: float,
+    snap: float,
+    lean: float,
+    door: float = 0.0,
+    door_rings: int = 0,
 ) -> list[Ring]:
+    """Return the joints of every ring of a surface of revolution.
+
+    `profile` is (n + 1, 2): radius and height of the beds, lowest first, metres; the other arguments are those of
+    the dome, angles in radians.
+    """
     rings: list[Ring] = []
     turn = 0.0
     for k, count in enumerate(blocks):
         if k < door_rings:
             inner = np.arange(1, count) + (0.25 if k % 2 else -0.25)
-            even = np.r_[0.0, inner, count] / count
-            joints = -np.pi / 2 + door / 2 + even * (2 * np.pi - door)
+            joints = -np.pi / 2 + door / 2 + np.r_[0.0, inner, count] / count * (2 * np.pi - door)
             if rings and snap > 0:
                 joints[1:-1] = _snapped(joints[1:-1], rings[-1].above, snap * (2 * np.pi - door) / count)
             rings.append(Ring(joints, joints))
@@ -96,10 +109,11 @@ def _rings(
         if rings and snap > 0:
             joints[:-1] = _snapped(joints[:-1], rings[-1].above, snap * width)
             joints[-1] = joints[0] + 2 * np.pi
-        middle = 0.5 * (polar[k] + polar[k + 1])
-        # Meridians converge upwards, by width/2 · cos θ at either side of a block; the wedge opens beyond that.
-        opening = np.tan(lean + 0.5 * width * max(np.cos(middle), 0.0)) if lean > 0 else 0.0
-        swing = min(opening * 0.5 * (polar[k] - polar[k + 1]) / np.sin(middle), 0.3 * width)
+        slope = float(np.linalg.norm(profile[k + 1] - profile[k]))
+        narrowing = max((profile[k, 0] - profile[k + 1, 0]) / slope, 0.0)
+        # Meridians converge where the ring narrows; the wedge opens beyond that.
+        opening = np.tan(min(lean + 0.5 * width * narrowing, 1.2)) if lean > 0 else 0.0
+        swing = min(opening * slope / (profile[k, 0] + profile[k + 1, 0]), 0.3 * width)
         below, above = joints.copy(), joints.copy()
         for joint, sign in ((-2, 1.0), (-1, -1.0), (0, -1.0)):
             below[joint] += sign * swing
@@ -116,17 +130,15 @@ def _snapped(joints: Array, targets: Array, reach: float) -> Array:
     return np.asarray(np.where(np.abs(step) < reach, joints + step, joints))
 
 
-def _surface(rings: list[Ring], polar: Array, radius: float, cap: bool) -> tuple[Surface, list[tuple[str, int]]]:
-    """Return the inner surface, and the name and ring of each face."""
+def ring_surface(rings: list[Ring], profile: Array, cap: bool) -> tuple[Surface, list[tuple[str, int]]]:
+    """Return the surface of revolution that the rings cover, and the name and ring of each face."""
     points: list[Array] = []
     beds: list[tuple[Array, list[int]]] = []
-    for k, theta in enumerate(polar):
+    for k, (radius, height) in enumerate(profile):
         turns = np.concatenate([r.below for r in rings[k : k + 1]] + [r.above for r in (rings[k - 1 : k] if k else [])])
         turns = np.unique(np.round(turns % (2 * np.pi), 12) % np.round(2 * np.pi, 12))
         first = len(points)
-        points += [
-            radius * np.array([np.sin(theta) * np.cos(t), np.sin(theta) * np.sin(t), np.cos(theta)]) for t in turns
-        ]
+        points += [np.array([radius * np.cos(t), radius * np.sin(t), height]) for t in turns]
         beds.append((turns, list(range(first, first + len(turns)))))
     faces: list[tuple[int, ...]] = []
     names: list[tuple[str, int]] = []

@@ -7,7 +7,6 @@ lie in one plane.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,16 +59,22 @@ class Surface:
         return np.asarray(total / np.maximum(length, 1e-300)[:, None])
 
 
-def planar_directions(surface: Surface, thickness: float, rounds: int = 30) -> tuple[Array, Array]:
+def planar_directions(
+    surface: Surface, thickness: float, *, start: Array | None = None, rounds: int = 30
+) -> tuple[Array, Array]:
     """Return (V, 3) directions that make all side walls as planar as possible, and (E,) how far each inner edge's
     wall is from a plane, metres.
 
-    Starts from the vertex normals and solves det(edge, n_a, n_b) = 0 over all inner edges by Gauss–Newton with
+    Starts from `start` (V, 3), where that is zero from the vertex normals, and solves det(edge, n_a, n_b) = 0 over all inner edges by Gauss–Newton with
     the smallest change; each direction keeps its component along the first normal, so that the thickness stays.
     Where three polygons meet at every corner (as in running bond) there are more unknowns than equations.
     """
     edges = np.array([e for e, owners in surface.edges().items() if len(owners) == 2]).reshape(-1, 2)
-    start = surface.vertex_normals()
+    normals = surface.vertex_normals()
+    if start is not None:
+        length = np.linalg.norm(start, axis=1)
+        normals = np.where(length[:, None] > 0, start / np.maximum(length, 1e-300)[:, None], normals)
+    start = normals
     directions = start.copy()
     if len(edges) == 0:
         return directions, np.zeros(0)
@@ -187,9 +192,3 @@ def triangulated_loop(points: Array) -> list[tuple[int, int, int]]:
             triangles.append((i, j, k))
             open_spans += [(i, j), (j, k)]
     return triangles
-
-
-def heights_order(surface: Surface, groups: Sequence[int]) -> list[int]:
-    """Return face numbers by group, within a group by height: an order in which blocks rest on earlier ones."""
-    middle = [float(surface.points[list(f)][:, 2].mean()) for f in surface.faces]
-    return sorted(range(len(surface.faces)), key=lambda f: (groups[f], middle[f], f))
