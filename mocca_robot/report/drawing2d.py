@@ -106,7 +106,7 @@ def label(part_name: str, part: Polygon, view: View) -> str:
     """Return a part's name as large as fits inside the part, and never unreadably small."""
     place, height, width = label_place(part)
     x, y = view(place)[0]
-    fits = min(1.3 * height * view.scale, 2.0 * width * view.scale / (0.62 * max(len(part_name), 1)))
+    fits = min(1.3 * height * view.scale, 1.7 * width * view.scale / (0.62 * max(len(part_name), 1)))
     size = float(np.clip(fits, 7.0, 13.0))
     return f'<text class="name" x="{px(x)}" y="{px(y)}" font-size="{px(size)}" dy="0.35em">{esc(part_name)}</text>'
 

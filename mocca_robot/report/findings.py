@@ -100,7 +100,17 @@ def disagreements(data: ReportData) -> tuple[str, ...]:
         mine = verified.get(case.name)
         if mine is not None and case.infeasibility_after < 1e-12 and decided(mine) is False:
             found.append(f"The design claims equilibrium for '{case.name}'; the built geometry does not hold it.")
+    found += _told(data, found)
     return tuple(found)
+
+
+def _told(data: ReportData, found: list[str]) -> list[str]:
+    """Return the simulation's own disagreements, less those about a state or tilt that `found` has already."""
+    told = [str(d) for d in (data.simulation or {}).get("disagreements") or []]
+    states_known = any(f.startswith("After placing") for f in found)
+    tilts_known = any(f.startswith("Critical tilt") for f in found)
+    known = (("state after", states_known), ("tilt towards", tilts_known))
+    return [f"MuJoCo run: {d}" for d in told if not any(d.startswith(head) and have for head, have in known)]
 
 
 def tilt_gaps(data: ReportData) -> tuple[float, ...]:

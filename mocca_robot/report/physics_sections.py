@@ -111,7 +111,7 @@ def _maps(data: ReportData, simulated: Mapping[str, Mapping[str, Any]]) -> str:
     normals = way_out_normals(assembly, data.after.contacts)
     drawn = []
     for item in data.design.insertion:
-        trials = simulated.get(item.part, {}).get("directions")
+        trials = simulated.get(item.part, {}).get("trials")
         plot = direction_map(
             normals.get(assembly.index(item.part), np.zeros((0, 3))),
             -np.asarray(item.direction),

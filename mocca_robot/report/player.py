@@ -7,6 +7,7 @@ import numpy as np
 from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.report import drawing2d
 from mocca_robot.report.data import ReportData
+from mocca_robot.report.film import films
 from mocca_robot.report.findings import State, states
 from mocca_robot.report.markup import badge, esc, listed, px, script_json, table
 from mocca_robot.report.palette import fills, part_colours
@@ -34,11 +35,13 @@ def sequence(data: ReportData) -> str:
         '<div class="controls needs-script"><button type="button" id="play">▶ Play</button>'
         '<button type="button" id="back" aria-label="One step back">◀</button>'
         f'<button type="button" id="forward" aria-label="One step forward">▶</button>{slider}'
+        '<button type="button" id="film" hidden="hidden">▶ What MuJoCo saw</button>'
         f'<span id="count" class="mute">{count} of {count}</span></div>'
     )
     panel = '<div class="verdict needs-script" id="verdict" aria-live="polite"></div>'
     player = f'<div class="player"><div>{stage}{controls}</div>{panel}</div>'
     payload = f'<script type="application/json" id="steps">{script_json(steps)}</script>'
+    payload += f'<script type="application/json" id="films">{script_json(films(data, found))}</script>'
     return section("sequence", "Assembly, state by state", player + payload + _table(found))
 
 
@@ -104,13 +107,16 @@ def _stage_2d(data: ReportData, found: tuple[State, ...]) -> str:
         )
         name = drawing2d.label(part.name, part.shape, view)
         shape = f'<path class="part {classes[colours[k]]}" d="{drawing2d.path_of(part.shape, view)}"/>'
-        drawn.append(f'<g class="piece"{moving}>{shape}{name}</g>')
+        x, y = view(part.centroid)[0]
+        at = f'data-part="{k}" data-x="{px(x)}" data-y="{px(y)}"'
+        drawn.append(f'<g class="piece" {at}{moving}>{shape}{name}</g>')
     for k, state in enumerate(found):
         if state.verdict is not None and state.verdict.moving:
             ghosts = drawing2d.collapse_layer(assembly, state.verdict, view)
             drawn.append(f'<g class="fails" data-step="{k + 1}" style="display:none">{ghosts}</g>')
     label = f"Assembly sequence of {assembly.name}"
-    return f'<div class="stage" id="stage2d">{view.svg("".join(drawn), label, "drawing")}</div>'
+    drawing = view.svg("".join(drawn), label, "drawing")
+    return f'<div class="stage" id="stage2d" data-scale="{view.scale:.6g}">{drawing}</div>'
 
 
 def _outline(assembly: Assembly, name: str) -> np.ndarray:

@@ -185,7 +185,10 @@ def provenance(data: ReportData) -> str:
     if data.simulation is not None and data.simulation.get("engine"):
         versions["simulated by"] = str(data.simulation["engine"])
     body = ""
-    notes = [*data.warnings, *data.design.notes]
+    simulation = data.simulation or {}
+    notes = [*data.warnings, *data.design.notes, *(str(n) for n in simulation.get("notes") or [])]
+    if simulation.get("interrupted"):
+        notes.insert(0, "The simulation was interrupted; it holds what was finished by then.")
     if notes:
         body += f'<h3>Notes</h3><ul class="notes">{"".join(f"<li>{esc(n)}</li>" for n in notes)}</ul>'
     overlap = f"Largest overlap of two parts: {significant(data.after.part_overlap, 2)} of the smaller one."

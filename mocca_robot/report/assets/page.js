@@ -1,6 +1,6 @@
 "use strict";
 // Layer toggles, the load-case picker and the sequence player. Drawing is done by listeners of "sequence.draw".
-const sequence = { value: 0, count: 0, listeners: [], draw() { for (const f of this.listeners) f(this.value); } };
+const sequence = { value: 0, count: 0, poses: null, listeners: [], draw() { for (const f of this.listeners) f(this.value); } };
 (() => {
   const all = (selector, root = document) => Array.from(root.querySelectorAll(selector));
   const byId = (id) => document.getElementById(id);
@@ -21,6 +21,7 @@ const sequence = { value: 0, count: 0, listeners: [], draw() { for (const f of t
   const slider = byId("time"), play = byId("play"), panel = byId("verdict");
   sequence.count = steps.length - 1;
   sequence.value = sequence.count;
+  const films = JSON.parse(byId("films").textContent), filmButton = byId("film");
   let target = null, playing = false, before = 0;
 
   const pieces = all("#stage2d .piece"), fails = all("#stage2d .fails");
@@ -31,9 +32,13 @@ const sequence = { value: 0, count: 0, listeners: [], draw() { for (const f of t
         const done = Math.min(1, value - Number(piece.dataset.step));
         const far = done > 0 ? (1 - done) ** 2 : 1;
         piece.style.display = done > 0 ? "" : "none";
-        piece.setAttribute("transform", `translate(${piece.dataset.dx * far} ${piece.dataset.dy * far})`);
+        const pose = sequence.poses && sequence.poses.get(Number(piece.dataset.part));
+        const s = Number(byId("stage2d").dataset.scale);
+        piece.setAttribute("transform", pose
+          ? `translate(${pose[0] * s} ${-pose[1] * s}) rotate(${-pose[2] * 180 / Math.PI} ${piece.dataset.x} ${piece.dataset.y})`
+          : `translate(${piece.dataset.dx * far} ${piece.dataset.dy * far})`);
       }
-      for (const f of fails) f.style.display = Number(f.dataset.step) === value ? "" : "none";
+      for (const f of fails) f.style.display = Number(f.dataset.step) === value && !sequence.poses ? "" : "none";
     });
   }
   let shown = -1;
@@ -42,6 +47,7 @@ const sequence = { value: 0, count: 0, listeners: [], draw() { for (const f of t
     slider.value = value;
     slider.setAttribute("aria-valuetext", steps[step].title);
     byId("count").textContent = `${step} of ${sequence.count}`;
+    filmButton.hidden = !films[value];
     if (step === shown) return;
     shown = step;
     panel.replaceChildren();
@@ -56,7 +62,25 @@ const sequence = { value: 0, count: 0, listeners: [], draw() { for (const f of t
     }
   });
 
-  const set = (value) => { sequence.value = Math.max(0, Math.min(sequence.count, value)); sequence.draw(); };
+  // A film runs at half speed and stays at its last frame until the step changes.
+  let run = 0;
+  filmButton.addEventListener("click", () => {
+    stop();
+    const film = films[sequence.value], mine = ++run, start = performance.now();
+    if (!film) return;
+    const show = (now) => {
+      if (mine !== run) return;
+      const t = film.times[0] + (now - start) / 2000;
+      let k = film.times.findIndex((at) => at > t);
+      if (k < 0) k = film.times.length - 1;
+      sequence.poses = new Map(film.parts.map((part, f) => [part, film.poses[k][f]]));
+      sequence.draw();
+      if (k < film.times.length - 1) requestAnimationFrame(show);
+    };
+    requestAnimationFrame(show);
+  });
+
+  const set = (value) => { run += 1; sequence.poses = null; sequence.value = Math.max(0, Math.min(sequence.count, value)); sequence.draw(); };
   const stop = () => { playing = false; target = null; play.textContent = "▶ Play"; };
   const frame = (now) => {
     const dt = Math.min(0.05, (now - before) / 1000);

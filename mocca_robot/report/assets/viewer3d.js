@@ -24,14 +24,15 @@
     }
     gl.bindAttribLocation(program, 0, "position");
     gl.linkProgram(program);
-    const names = ["camera", "eyePlane", "low", "grid", "pivot", "shift", "spin", "colour", "flat_", "bias"];
+    const names = ["camera", "eyePlane", "low", "grid", "pivot", "shift", "turn", "colour", "flat_", "bias"];
     return { program, at: Object.fromEntries(names.map((n) => [n, gl.getUniformLocation(program, n)])) };
   };
-  // Positions are low + grid × vertex, then an infinitesimal rotation about the centroid and a shift.
+  // Positions are low + grid × vertex, turned about the centroid by a unit quaternion (x, y, z, w), then shifted.
   const shader = compile(
-    `in vec3 position; uniform mat4 camera; uniform vec3 low, grid, pivot, shift, spin; uniform float bias;
+    `in vec3 position; uniform mat4 camera; uniform vec3 low, grid, pivot, shift; uniform vec4 turn; uniform float bias;
      out vec3 world;
-     void main() { world = low + grid * position; world += cross(spin, world - pivot) + shift;
+     void main() { vec3 arm = low + grid * position - pivot;
+       world = pivot + shift + arm + 2.0 * cross(turn.xyz, cross(turn.xyz, arm) + turn.w * arm);
        gl_Position = camera * vec4(world, 1.0); gl_Position.z -= bias * gl_Position.w; }`,
     `in vec3 world; uniform vec3 eyePlane; uniform vec4 colour; uniform float flat_; out vec4 painted;
      void main() { vec3 n = normalize(cross(dFdx(world), dFdy(world)));
@@ -113,7 +114,7 @@
 
   // Where a part is now: null = not placed yet.
   const placement = (part, index, value, wave) => {
-    let shift = [0, 0, 0], spin = [0, 0, 0];
+    let shift = [0, 0, 0], turn = [0, 0, 0, 1];
     if (part.step >= 0) {
       const done = Math.min(1, value - part.step);
       if (done <= 0) return null;
@@ -125,9 +126,16 @@
     const motions = collapseNow(value);
     if (show.collapse && motions) {
       shift = shift.map((s, k) => s + wave * motions[index][k]);
-      spin = motions[index].slice(3).map((w) => wave * w);
+      const half = motions[index].slice(3).map((w) => 0.5 * wave * w);
+      const norm = Math.hypot(...half, 1);
+      turn = [...half, 1].map((v) => v / norm);
     }
-    return { shift, spin };
+    const pose = sequence.poses && sequence.poses.get(index);
+    if (pose) {
+      shift = pose.slice(0, 3);
+      turn = [pose[4], pose[5], pose[6], pose[3]];
+    }
+    return { shift, turn };
   };
   const lowest = Math.min(...parts.map((p) => p.centroid[2]));
   const collapseNow = (value) => {
@@ -158,7 +166,7 @@
       gl.uniform3fv(shader.at.grid, mesh.step);
       gl.uniform3fv(shader.at.pivot, part.centroid);
       gl.uniform3fv(shader.at.shift, place.shift);
-      gl.uniform3fv(shader.at.spin, place.spin);
+      gl.uniform4fv(shader.at.turn, place.turn);
       const fill = part.colour < 0 ? colours.fixed : colours.parts[part.colour];
       for (const [set, mode, rgb, flat, bias] of [[mesh.faces, gl.TRIANGLES, fill, 0, 0], [mesh.edges, gl.LINES, colours.edge, 1, 2e-4]]) {
         gl.uniform4fv(shader.at.colour, [...rgb, 1]);
@@ -177,7 +185,8 @@
     if (sequence.value >= sequence.count && show.explode === 0) {
       gl.disable(gl.DEPTH_TEST);
       gl.uniform3fv(shader.at.grid, [1, 1, 1]);
-      for (const name of ["low", "shift", "spin", "pivot"]) gl.uniform3fv(shader.at[name], [0, 0, 0]);
+      for (const name of ["low", "shift", "pivot"]) gl.uniform3fv(shader.at[name], [0, 0, 0]);
+      gl.uniform4fv(shader.at.turn, [0, 0, 0, 1]);
       gl.uniform1f(shader.at.flat_, 1);
       gl.uniform1f(shader.at.bias, 0);
       const sets = [...(show.cones ? ["free", "asked"] : []), ...(show.forces && show.which === "result" ? ["forces"] : [])];
@@ -193,7 +202,7 @@
   let asked = false;
   const again = () => { if (!asked) { asked = true; requestAnimationFrame(() => { asked = false; draw(); }); } };
 
-  const turn = (dx, dy) => {
+  const orbit = (dx, dy) => {
     view.azimuth -= dx;
     view.elevation = Math.max(-1.5, Math.min(1.5, view.elevation + dy));
     again();
@@ -213,13 +222,13 @@
       const { right, up } = axes(), gain = view.distance / canvas.clientWidth / 1.3;
       view.centre = view.centre.map((c, k) => c - gain * (dx * right[k] - dy * up[k]));
       again();
-    } else turn(dx * 0.008, dy * 0.008);
+    } else orbit(dx * 0.008, dy * 0.008);
   });
   canvas.addEventListener("contextmenu", (e) => e.preventDefault());
   canvas.addEventListener("wheel", (e) => { e.preventDefault(); zoom(Math.exp(e.deltaY * 0.001)); }, { passive: false });
   canvas.addEventListener("keydown", (e) => {
     const keys = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] };
-    if (keys[e.key]) { e.preventDefault(); turn(...keys[e.key]); }
+    if (keys[e.key]) { e.preventDefault(); orbit(...keys[e.key]); }
     if (e.key === "+" || e.key === "-") zoom(e.key === "+" ? 0.9 : 1.1);
   });
   for (const box of document.querySelectorAll(".scene-toggle")) {
