@@ -1,0 +1,69 @@
+"""Arguments that several commands share."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from mocca_robot.errors import InputError
+
+
+def add_input(parser: argparse.ArgumentParser, what: str = "CONFIG") -> None:
+    """Add the input file and `--set`."""
+    parser.add_argument(
+        "input",
+        metavar=what,
+        help="YAML configuration, assembly .json, design.json, .svg drawing, mesh file or folder of meshes",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="override a key of the configuration, such as alpha_deg=10 or joints.margin=0.1; may be repeated",
+    )
+
+
+def add_output(parser: argparse.ArgumentParser) -> None:
+    """Add the output folder."""
+    parser.add_argument("-o", "--output", metavar="DIR", help="folder for the results (default: out/NAME)")
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add `--json`."""
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout, nothing else")
+
+
+def load(args: argparse.Namespace, further: dict[str, Any] | None = None) -> Any:
+    """Return the Config of the input with its overrides; `further` keys win over all."""
+    from mocca_robot.files.config import load as load_config
+
+    return load_config(args.input, {**overrides(args.set), **(further or {})})
+
+
+def overrides(assignments: list[str]) -> dict[str, Any]:
+    """Return configuration keys from 'key=value' texts; values are YAML, 'section.key' makes a section."""
+    from mocca_robot.files.documents import parse_yaml
+
+    found: dict[str, Any] = {}
+    for text in assignments:
+        key, equals, value = text.partition("=")
+        if not equals or not key.strip():
+            raise InputError(f"--set {text}: write KEY=VALUE, such as --set alpha_deg=10.")
+        parsed = parse_yaml(value, f"--set {text}")
+        *sections, last = key.strip().split(".")
+        inside = found
+        for section in sections:
+            inside = inside.setdefault(section, {})
+            if not isinstance(inside, dict):
+                raise InputError(f"--set {text}: '{section}' was set to a value before; it cannot hold '{last}' too.")
+        inside[last] = parsed
+    return found
+
+
+def output_folder(args: argparse.Namespace, name: str) -> Path:
+    """Return the folder for results, known to be writable before any work starts."""
+    from mocca_robot.files.output import safe_file_names, writable_folder
+
+    return writable_folder(args.output if args.output is not None else Path("out") / safe_file_names([name])[name])

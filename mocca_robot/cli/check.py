@@ -1,0 +1,65 @@
+"""`mocca-robot check`: is an input sound, and how does it stand as it is, without any design?"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from mocca_robot.cli import arguments
+from mocca_robot.cli.console import Console
+from mocca_robot.errors import InputError
+
+if TYPE_CHECKING:
+    from mocca_robot.cli.checkup import Checkup
+
+DESCRIPTION = """Parts, contacts and near misses; equilibrium of every state of the sequence; critical tilt; with a key:
+interlocking; whether anything can move at all; how each part goes in, and the largest alpha that any joint could offer
+it (a joint never opens a cone wider than the flat contact that it replaces)."""
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "check", help="is the input sound, and how does it stand as it is", description=DESCRIPTION
+    )
+    arguments.add_input(parser, "FILE")
+    parser.add_argument("--friction", type=float, metavar="MU", help="Coulomb coefficient (default: the file's, or 0)")
+    parser.add_argument("--key", metavar="PART", help="does everything interlock while this part is held")
+    parser.add_argument("--azimuths", type=int, metavar="N", help="directions of tilt of solids (default 8)")
+    arguments.add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Return 0 when every verdict is positive, 1 otherwise."""
+    from mocca_robot.cli import checkup
+    from mocca_robot.contacts import find_contacts, require_sound
+
+    further: dict[str, Any] = {}
+    if args.friction is not None:
+        further["friction"] = args.friction
+    console = Console(args.json)
+    with console.stage("read"):
+        config = arguments.load(args, further)
+    azimuths = config.simulate.azimuths if args.azimuths is None else args.azimuths
+    if azimuths < 1:
+        raise InputError(f"--azimuths is {azimuths}; give at least 1.")
+    if args.key is not None:
+        config.assembly.index(args.key)
+    for note in config.notes:
+        console.warn(f"note: {note}")
+    with console.stage("contacts"):
+        report = find_contacts(config.assembly)
+        require_sound(config.assembly, report)
+    with console.stage("statics"):
+        found = checkup.checkup(config, report, args.key, azimuths)
+    for line in checkup.lines(found):
+        console.say(line)
+    console.say(console.times())
+    return _finish(found, console)
+
+
+def _finish(found: Checkup, console: Console) -> int:
+    from mocca_robot.cli import checkup
+
+    return console.finish(1 if found.findings else 0, checkup.document(found))

@@ -1,0 +1,39 @@
+"""`mocca-robot design`: an assembly → joints under which it stands, with drawings and a report; no physics."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from mocca_robot.cli import arguments
+from mocca_robot.cli.console import Console
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    text = "find joints that make an assembly stand, and write them (design.json, report.html; flat: cut.svg, cut.dxf)"
+    parser: argparse.ArgumentParser = commands.add_parser("design", help=text, description=text)
+    arguments.add_input(parser)
+    arguments.add_output(parser)
+    arguments.add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Return the exit status of the command."""
+    from mocca_robot.cli import stages
+    from mocca_robot.cli.verdict import conclude, introduce
+
+    console = Console(args.json)
+    with console.stage("read"):
+        config = arguments.load(args)
+    folder = arguments.output_folder(args, config.assembly.name)
+    for note in config.notes:
+        console.warn(f"note: {note}")
+    contacts = stages.read_contacts(config.assembly, console)
+    introduce(config.assembly, len(contacts.contacts), console)
+    result = stages.designed(config, contacts, console)
+    files, problems = stages.written(result, config, folder, console)
+    outcome = stages.verified(folder, result, files, problems, console)
+    outcome = stages.reported(outcome, config, folder, console)
+    return conclude(outcome, console)

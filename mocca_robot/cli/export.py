@@ -1,0 +1,98 @@
+"""`mocca-robot export`: a design or an assembly in a format of other programs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from mocca_robot.cli import arguments
+from mocca_robot.cli.console import Console
+from mocca_robot.errors import InputError
+
+FORMATS = {
+    "svg": "flat parts nested on a sheet, real scale, kerf and clearance applied",
+    "dxf": "the same for CAD and laser cutters",
+    "obj": "one mesh per part",
+    "stl": "one mesh per part, in millimetres",
+    "3mf": "one mesh per part",
+    "glb": "the whole assembly for viewers",
+    "json": "the parts as an assembly file",
+    "urscript": "a plan.json as a program for a UR controller",
+}
+SHEETS, MESHES = ("svg", "dxf"), ("obj", "stl", "3mf")
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    listed = "; ".join(f"{name}: {what}" for name, what in FORMATS.items())
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "export", help="write parts for cutting, printing, viewers, robots", description=f"Formats: {listed}."
+    )
+    arguments.add_input(parser, "X")
+    parser.add_argument("--format", required=True, choices=tuple(FORMATS), help="see above")
+    parser.add_argument("-o", "--output", metavar="PATH", help="file, or folder for one file per part")
+    arguments.add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Return 0 after writing the files."""
+    console = Console(args.json)
+    with console.stage("export"):
+        files = _plan(args) if args.format == "urscript" else _parts(args)
+    for file in files:
+        console.say(str(file))
+    return console.finish(0, {"format": args.format, "files": [str(f) for f in files]})
+
+
+def _plan(args: argparse.Namespace) -> list[Path]:
+    from mocca_robot.ur.commands import export_urscript
+
+    target = Path(args.output) if args.output else Path(args.input).with_suffix(".script")
+    _writable(target.parent)
+    return [export_urscript(Path(args.input), target)]
+
+
+def _parts(args: argparse.Namespace) -> list[Path]:
+    from mocca_robot.assembly import Mesh
+    from mocca_robot.files.output import safe_file_names
+
+    config = arguments.load(args)
+    assembly = config.assembly
+    stem = safe_file_names([assembly.name])[assembly.name]
+    if args.format == "json":
+        from mocca_robot.files.assembly_json import write_assembly
+
+        target = Path(args.output or f"{stem}.json")
+        _writable(target.parent)
+        return [write_assembly(assembly, target)]
+    if args.format in SHEETS:
+        from mocca_robot.files.cut import write_cut_dxf, write_cut_svg
+
+        target = Path(args.output or f"{stem}.{args.format}")
+        _writable(target.parent)
+        write = write_cut_svg if args.format == "svg" else write_cut_dxf
+        return [write(assembly, target, config.cut)]
+    if assembly.dimension == 2:
+        raise InputError(f"'{assembly.name}' is flat; export it as one of {', '.join(SHEETS)}, not as {args.format}.")
+    if args.format == "glb":
+        from mocca_robot.files.meshes import write_glb
+
+        target = Path(args.output or f"{stem}.glb")
+        _writable(target.parent)
+        return [write_glb(assembly, target)]
+    from mocca_robot.files.meshes import write_parts
+
+    folder = _writable(Path(args.output or stem))
+    meshes = [p.shape for p in assembly.parts if isinstance(p.shape, Mesh)]
+    names = safe_file_names(assembly.sequence)
+    # Slicers read STL in millimetres; 3MF says its unit itself.
+    unit = "mm" if args.format == "stl" else "m"
+    return write_parts([names[n] for n in assembly.sequence], meshes, folder, args.format, unit)
+
+
+def _writable(folder: Path) -> Path:
+    from mocca_robot.files.output import writable_folder
+
+    return writable_folder(folder)

@@ -1,0 +1,74 @@
+"""Arguments → a command → an exit status; the one place where errors become messages."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+
+from mocca_robot.cli import check, compare, design, export, info, run, simulate
+from mocca_robot.cli.console import Console
+from mocca_robot.errors import MoccaError
+
+UNUSABLE, INTERNAL, INTERRUPTED = 2, 70, 130
+EPILOG = """exit status: 0 every verdict is positive; 1 a negative verdict, with its evidence; 2 unusable input;
+70 an error in mocca-robot itself; 130 interrupted (Ctrl-C), what was finished is kept.
+`mocca-robot COMMAND --help` tells what a command does. With --json it prints one JSON object for scripts."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Return the exit status of one command; `argv` defaults to the arguments of the process.
+
+    Argument errors leave by SystemExit with status 2, as argparse does.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors="replace")  # '°' on a terminal that knows ASCII only
+    args = build_parser().parse_args(argv)
+    as_json = bool(getattr(args, "json", False))
+    try:
+        return int(args.run(args))
+    except MoccaError as error:
+        return _failed(as_json, UNUSABLE, str(error))
+    except KeyboardInterrupt:
+        return _failed(as_json, INTERRUPTED, "Interrupted. Files that were finished are kept.")
+    except BrokenPipeError:  # `mocca-robot check X | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        traceback.print_exc()
+        message = (
+            f"This is an error in mocca-robot, not in your input ({type(error).__name__}: {error}). Please report it "
+            "with the lines above, the command and its input, and the output of `mocca-robot info`."
+        )
+        return _failed(as_json, INTERNAL, message)
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser with every command that is installed."""
+    parser = argparse.ArgumentParser(
+        prog="mocca-robot",
+        description="Cone joints for structures that stand without glue, screws or friction.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"mocca-robot {info.own_version()}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for command in (run, design, simulate, check, export, info):
+        command.add(commands)
+    if importlib.util.find_spec("planners.comparison") is not None:
+        compare.add(commands)
+    if importlib.util.find_spec("mocca_robot.ur") is not None:
+        from mocca_robot.ur.commands import register
+
+        register(commands)
+    return parser
+
+
+def _failed(as_json: bool, status: int, message: str) -> int:
+    sys.stderr.write(f"mocca-robot: {message}\n")
+    return Console(as_json).finish(status, {"error": message})

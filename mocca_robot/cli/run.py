@@ -1,0 +1,42 @@
+"""`mocca-robot run`: the whole line, from an assembly to a report of a design that physics has judged."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from mocca_robot.cli import arguments, simulate
+from mocca_robot.cli.console import Console
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    text = "read, design, verify from the written files, simulate in MuJoCo and report: everything at once"
+    parser: argparse.ArgumentParser = commands.add_parser("run", help=text, description=text)
+    arguments.add_input(parser)
+    arguments.add_output(parser)
+    arguments.add_json(parser)
+    simulate.add_questions(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Return the exit status of the command. Ctrl-C during physics keeps the design and what physics has said."""
+    from mocca_robot.cli import stages
+    from mocca_robot.cli.verdict import conclude, introduce
+
+    console = Console(args.json)
+    with console.stage("read"):
+        config = arguments.load(args)
+        questions = simulate.questions(args, config)
+    folder = arguments.output_folder(args, config.assembly.name)
+    for note in config.notes:
+        console.warn(f"note: {note}")
+    contacts = stages.read_contacts(config.assembly, console)
+    introduce(config.assembly, len(contacts.contacts), console)
+    result = stages.designed(config, contacts, console)
+    files, problems = stages.written(result, config, folder, console)
+    outcome = stages.verified(folder, result, files, problems, console)
+    outcome, interrupted = stages.simulated(outcome, questions, folder, console)
+    outcome = stages.reported(outcome, config, folder, console)
+    return conclude(outcome, console, interrupted=interrupted)

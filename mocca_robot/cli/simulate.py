@@ -1,0 +1,106 @@
+"""`mocca-robot simulate`: what MuJoCo says about a design, or about parts as they are."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mocca_robot.cli import arguments
+from mocca_robot.cli.console import Console
+from mocca_robot.errors import InputError
+
+if TYPE_CHECKING:
+    from sim.simulate import Questions
+
+DESCRIPTION = """Ask MuJoCo about a design (or about parts as they are): does every state of the sequence stand, at which
+tilt does it fall, does every part go in along all directions of its cone. Results go to simulation.json and report.html
+beside the design; without --states, --tilt, --insert or --robust, the first three are asked."""
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "simulate", help="ask MuJoCo: states, tilt table, insertions, robustness", description=DESCRIPTION
+    )
+    arguments.add_input(parser, "X")
+    parser.add_argument("-o", "--output", metavar="DIR", help="folder for the results (default: beside the design)")
+    arguments.add_json(parser)
+    add_questions(parser)
+    parser.set_defaults(run=run)
+
+
+def add_questions(parser: argparse.ArgumentParser) -> None:
+    """Add what can be asked of physics."""
+    group = parser.add_argument_group("physics")
+    group.add_argument("--states", action="store_true", help="every intermediate assembly of the sequence")
+    group.add_argument("--tilt", action="store_true", help="critical tilt per azimuth, with and without friction")
+    group.add_argument("--insert", action="store_true", help="every part along its cone: axis, rim, just outside")
+    group.add_argument("--robust", action="store_true", help="friction, density, clearance and pose drawn at random")
+    group.add_argument("--friction", type=float, metavar="MU", help="Coulomb coefficient (default: the configuration)")
+    group.add_argument("--azimuths", type=int, metavar="N", help="directions of tilt of solids")
+    group.add_argument("--directions", type=int, metavar="N", help="ways in per part")
+    group.add_argument("--seed", type=int, metavar="N", help="of everything drawn at random")
+    group.add_argument("--threads", type=int, metavar="N", help="side by side (default: one per core)")
+
+
+def questions(args: argparse.Namespace, config: Any) -> Questions:
+    """Return what is asked of physics: arguments before configuration before defaults."""
+    from sim.simulate import Questions
+
+    asked = {"states": args.states, "tilt": args.tilt, "insertion": args.insert, "robust": args.robust}
+    stages = tuple(name for name, wanted in asked.items() if wanted)
+    if args.threads is not None and args.threads < 1:
+        raise InputError(f"--threads is {args.threads}; give at least 1.")
+
+    def chosen(name: str) -> Any:
+        value = getattr(args, name)
+        return getattr(config.simulate, name) if value is None else value
+
+    found = Questions(
+        friction=chosen("friction"),
+        azimuths=chosen("azimuths"),
+        directions=chosen("directions"),
+        seed=chosen("seed"),
+        threads=args.threads,
+    )
+    return replace(found, stages=stages) if stages else found
+
+
+def run(args: argparse.Namespace) -> int:
+    """Return the exit status of the command. Ctrl-C keeps what is finished; the same command goes on from there."""
+    from mocca_robot.cli import stages
+    from mocca_robot.cli.verdict import conclude, introduce
+
+    console = Console(args.json)
+    with console.stage("read"):
+        config = arguments.load(args)
+        asked = questions(args, config)
+        stored = stored_design(Path(args.input))
+    if args.output is None and stored is not None:
+        args.output = str(stored.parent)
+    folder = arguments.output_folder(args, config.assembly.name)
+    for note in config.notes:
+        console.warn(f"note: {note}")
+    contacts = stages.read_contacts(config.assembly, console)
+    introduce(config.assembly, len(contacts.contacts), console)
+    if stored is not None and not args.set:
+        outcome = stages.judged(stored, console)
+    else:
+        outcome = stages.judged_as_is(config, contacts, console)
+    outcome, interrupted = stages.simulated(outcome, asked, folder, console)
+    outcome = stages.reported(outcome, config, folder, console)
+    return conclude(outcome, console, interrupted=interrupted)
+
+
+def stored_design(path: Path) -> Path | None:
+    """Return the design.json that `path` is or holds; None for every other input."""
+    from mocca_robot.files.design_json import FORMAT
+    from mocca_robot.files.documents import parse_json, read_text
+
+    file = path / "design.json" if path.is_dir() else path
+    if file.suffix.lower() != ".json" or not file.is_file():
+        return None
+    data = parse_json(read_text(file), f"'{file}'")
+    return file if isinstance(data, dict) and data.get("format") == FORMAT else None

@@ -1,0 +1,186 @@
+"""The stages that `design`, `simulate` and `run` share: read → contacts → design → write → verify → physics → report.
+
+Every verdict comes from the written files: what is judged is what a user holds in hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mocca_robot.assembly import Assembly
+from mocca_robot.cli import evidence
+from mocca_robot.cli.console import Console
+from mocca_robot.cli.evidence import Finding
+from mocca_robot.contacts import ContactReport, find_contacts, require_sound
+from mocca_robot.design import Design, Insertion
+from mocca_robot.errors import InputError
+from mocca_robot.files.config import Config
+from mocca_robot.files.design_json import StoredDesign, read_design, write_design
+from mocca_robot.joints.joint import planar
+from mocca_robot.loads import state_cases
+from mocca_robot.parts_graph import parts_graph
+from mocca_robot.verify import CaseVerdict, Verification, solve_case, verify
+
+if TYPE_CHECKING:
+    from planners.designer import Designed
+    from sim.simulate import Questions
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A design with its verdicts; `design` holds the geometry as it was read back from the files.
+
+    Attributes:
+        design: source, built parts, joints, insertion directions.
+        before, after: verdicts on source and built parts.
+        states: every intermediate assembly by statics.
+        findings: negative verdicts so far.
+        files: what was written, by kind.
+        simulation: data of simulation.json; None before physics was asked.
+    """
+
+    design: Design
+    before: Verification
+    after: Verification
+    states: tuple[CaseVerdict, ...]
+    findings: tuple[Finding, ...] = ()
+    files: dict[str, Path] = field(default_factory=dict)
+    simulation: dict[str, Any] | None = None
+
+
+def read_contacts(assembly: Assembly, console: Console) -> ContactReport:
+    """Return the contacts; InputError when parts overlap, float free, or none is fixed."""
+    with console.stage("contacts"):
+        report = find_contacts(assembly)
+        require_sound(assembly, report)
+    with console.stage("parts graph"):
+        parts_graph(assembly, [planar(c) for c in report.contacts])
+    return report
+
+
+def designed(config: Config, contacts: ContactReport, console: Console) -> Designed:
+    """Return the design run's outcome, with its two stages' wall times."""
+    from planners.designer import design
+
+    insertion = dict(config.insertion) or None
+    with console.stage("design") as show:
+        result = design(
+            config.assembly,
+            config.joints,
+            insertion=insertion,
+            contacts=contacts,
+            progress=lambda what, worst: show(f"{what}, E/|w|² {worst:.1e}"),
+        )
+    whole = console.seconds.pop("design")
+    kinematic = float(result.design.seconds.get("kinematic", 0.0))
+    console.seconds["kinematic design"] = kinematic
+    console.seconds["realization"] = max(whole - kinematic, 0.0)
+    return result
+
+
+def written(result: Designed, config: Config, folder: Path, console: Console) -> tuple[dict[str, Path], list[Finding]]:
+    """Return the files of a design, and what could not be drawn for cutting."""
+    problems: list[Finding] = []
+    with console.stage("write"):
+        files = {"design": write_design(result.design, folder)}
+        if config.assembly.dimension == 2:
+            from mocca_robot.files.cut import write_cut_dxf, write_cut_svg
+
+            try:
+                files["cut_svg"] = write_cut_svg(result.design.assembly, folder / "cut.svg", config.cut)
+                files["cut_dxf"] = write_cut_dxf(result.design.assembly, folder / "cut.dxf", config.cut)
+            except InputError as error:
+                problems.append(Finding("not_written", f"There is no cutting drawing: {error}"))
+    return files, problems
+
+
+def verified(
+    folder: Path, result: Designed, files: dict[str, Path], problems: Sequence[Finding], console: Console
+) -> Outcome:
+    """Return the verdicts on what lies in `folder`, read back from the files alone, after those of the design."""
+    with console.stage("verify"):
+        stored = read_design(folder)
+        design = replace(result.design, assembly=stored.assembly, insertion=stored.insertion)
+        outcome = _judged(design)
+    findings = [*evidence.design_findings(result.design.source, result), *outcome.findings]
+    if not result.achieved and not findings:
+        findings.append(Finding("falls", "The designer did not reach every goal, although the written parts pass."))
+    return replace(outcome, findings=(*findings, *problems), files=files)
+
+
+def judged(path: Path, console: Console) -> Outcome:
+    """Return the verdicts on a stored design."""
+    with console.stage("verify"):
+        return _judged(_design_of(read_design(path)))
+
+
+def judged_as_is(config: Config, contacts: ContactReport, console: Console) -> Outcome:
+    """Return the verdicts on an assembly without design; its joints are its contacts."""
+    joints = tuple(planar(c) for c in contacts.contacts)
+    ways = tuple(Insertion(part, way, 0.0) for part, way in config.insertion.items())
+    with console.stage("verify"):
+        return _judged(Design(config.assembly, config.assembly, joints, ways, (), {}, config.notes))
+
+
+def _design_of(stored: StoredDesign) -> Design:
+    source = stored.source or stored.assembly
+    return Design(source, stored.assembly, (), stored.insertion, stored.load_cases, dict(stored.seconds), stored.notes)
+
+
+def _judged(design: Design) -> Outcome:
+    directions = {i.part: i.direction for i in design.insertion}
+    after = verify(design.assembly, directions=directions)
+    before = after if design.source is design.assembly else verify(design.source)
+    states = tuple(solve_case(design.assembly, after.contacts, case) for case in state_cases(design.assembly))
+    findings = evidence.statics_findings(design.assembly, after)
+    return Outcome(design, before, after, states, tuple(findings))
+
+
+def simulated(outcome: Outcome, questions: Questions, folder: Path, console: Console) -> tuple[Outcome, bool]:
+    """Return the outcome with physics' verdicts, written to simulation.json, and whether Ctrl-C cut it short.
+
+    Finished trials are kept in trials.jsonl, so that the same command goes on where it was interrupted.
+    """
+    from sim.simulate import simulate
+    from sim.simulation_json import simulation_to_data, write_simulation
+    from sim.trial_store import TrialStore
+
+    assembly = outcome.design.assembly
+    ways = {i.part: i.direction for i in outcome.design.insertion}
+    with console.stage("simulate") as show:
+        store = TrialStore(folder / "trials.jsonl")
+        found = simulate(assembly, ways, questions, lambda what, done, total: show(f"{done} of {total}: {what}"), store)
+        path = write_simulation(found, folder / "simulation.json")
+    data = simulation_to_data(found)
+    findings = (*outcome.findings, *evidence.simulation_findings(assembly, data))
+    files = {**outcome.files, "simulation": path}
+    return replace(outcome, simulation=data, findings=findings, files=files), found.interrupted
+
+
+def reported(outcome: Outcome, config: Config, folder: Path, console: Console, friction: float = 0.0) -> Outcome:
+    """Return the outcome with its report written."""
+    from mocca_robot.report import collect, write_report
+
+    with console.stage("report"):
+        data = collect(
+            outcome.design,
+            before=outcome.before,
+            after=outcome.after,
+            states=outcome.states,
+            azimuths=config.simulate.azimuths,
+            simulation=outcome.simulation,
+            parameters=parameters(config),
+            warnings=(*config.notes, *[f.text for f in outcome.findings]),
+            friction=friction,
+        )
+        path = write_report(folder / "report.html", data)
+    return replace(outcome, files={**outcome.files, "report": path})
+
+
+def parameters(config: Config) -> dict[str, object]:
+    """Return every key that somebody set, as it was written, and the input's path."""
+    given = {v.key: v.value for v in config.values if v.origin in ("argument", "configuration") and v.value is not None}
+    return {"input": str(config.source), **given}

@@ -1,0 +1,107 @@
+"""Can anything move at all? Infinitesimal rigidity of parts in contact: deadlock, and what is loose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.optimize import linprog
+
+from mocca_robot.assembly import Array, Assembly, BoolArray
+from mocca_robot.contacts import Contact
+from mocca_robot.errors import MoccaError
+from mocca_robot.joints.joint import contact_rays
+from mocca_robot.statics.system import ContactSystem
+from mocca_robot.verify import moving_parts
+
+OPENING = 1e-6
+"""Smallest opening velocity that counts as moving apart, relative to a motion of unit size; normals read back from
+files turn by 1e-12."""
+SLIDING = 1e-7
+"""Smallest singular value, relative to the largest, of contacts that leave no common sliding motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mobility:
+    """What can move while some parts are held.
+
+    Attributes:
+        motions: (N, dof) a motion [velocity at the centroid; angular velocity] that no contact stops; zero when
+            nothing can move.
+        moving: names of the parts that it moves.
+        opens: it separates some contact; otherwise all contacts slide.
+    """
+
+    motions: Array
+    moving: tuple[str, ...]
+    opens: bool
+
+    @property
+    def locked(self) -> bool:
+        """Return whether no part can move relative to the held ones."""
+        return not self.moving
+
+
+def mobility(assembly: Assembly, contacts: Sequence[Contact], held: BoolArray | None = None) -> Mobility:
+    """Return a motion that the contacts allow while `held` (N,) parts (default: the fixed ones) stay, or none.
+
+    Nothing moves exactly when B v ≥ 0 has the solution v = 0 only: no motion opens a contact (a linear program
+    that maximises the sum of openings, each at most 1) and none slides along all of them (the null space of B).
+    First-order: a motion that is blocked only by curvature counts as free. Raises MoccaError when the program
+    cannot be solved.
+    """
+    fixed = assembly.fixed if held is None else held
+    n, dof = len(assembly.parts), assembly.dof
+    motions = np.zeros((n, dof))
+    if fixed.all():
+        return Mobility(motions, (), False)
+    pairs, points, normals = contact_rays(contacts)
+    about = np.array([p.centroid for p in assembly.parts])
+    length = assembly.size / 2
+    system = ContactSystem.build(pairs, points, normals, ~fixed, about, length)
+    b = system.matrix
+    relevant = np.flatnonzero(np.abs(b).sum(axis=1) > 0)
+    v, opens = _opening(b[relevant])
+    if not opens:
+        v = _sliding(b[relevant])
+    if np.abs(v).max(initial=0.0) == 0.0:
+        return Mobility(motions, (), False)
+    moved = v.reshape(-1, dof).copy()
+    moved[:, assembly.dimension :] /= length
+    motions[~fixed] = moved
+    return Mobility(motions, moving_parts(assembly, motions), opens)
+
+
+def _opening(b: sp.csr_array) -> tuple[Array, bool]:
+    """Return the motion that opens contacts most and whether it opens any."""
+    rows, columns = b.shape
+    if rows == 0:
+        return np.zeros(columns), False
+    # Variables v (columns) in a box, and the openings s (rows) in [0, 1]: s ≤ B v.
+    matrix = sp.hstack([-b, sp.eye_array(rows)], format="csc")
+    found = linprog(
+        np.r_[np.zeros(columns), -np.ones(rows)],
+        A_ub=matrix,
+        b_ub=np.zeros(rows),
+        bounds=[(-1.0, 1.0)] * columns + [(0.0, 1.0)] * rows,
+        method="highs",
+    )
+    if not found.success:
+        raise MoccaError(f"Whether parts can move cannot be decided: the linear program ends with '{found.message}'.")
+    opening = float(found.x[columns:].max(initial=0.0))
+    return np.asarray(found.x[:columns]), opening > OPENING
+
+
+def _sliding(b: sp.csr_array) -> Array:
+    """Return a motion along which every contact slides; zero when there is none."""
+    rows, columns = b.shape
+    if rows == 0:
+        return np.ones(columns)
+    values, vectors = np.linalg.eigh((b.T @ b).toarray())
+    largest = max(float(values[-1]), 0.0)
+    # Squared singular values: rounding leaves 1e-16 of the largest.
+    if values[0] > max(SLIDING**2, 1e-14) * largest:
+        return np.zeros(columns)
+    return np.asarray(vectors[:, 0])
