@@ -23,6 +23,7 @@ from mocca_robot.loads import load_cases, state_cases
 from mocca_robot.report import cone_plots, drawing2d, figures, pictures
 from mocca_robot.report.comparison import Variant, comparison_page
 from mocca_robot.report.data import ReportData, Tilt, collect
+from mocca_robot.report.film import films
 from mocca_robot.report.findings import disagreements, states
 from mocca_robot.report.markup import esc, script_json, significant
 from mocca_robot.report.page import report_page, write_report
@@ -343,3 +344,26 @@ def test_comparison_names_every_variant_and_its_verdicts(flat: ReportData) -> No
 )
 def test_numbers_read_well(value: float, text: str) -> None:
     assert significant(value) == text
+
+
+def test_trials_onto_a_state_that_needs_support_are_no_disagreement() -> None:
+    design = designed(curved=False)
+    relaxed = dataclasses.replace(design, assembly=dataclasses.replace(design.assembly, goals=(Equilibrium(),)))
+    data = collect(dataclasses.replace(relaxed, load_cases=()), tilts=())
+    second = states(data)[1].part
+    trials = [{"kind": "axis", "below": "free", "succeeded": False, "reason": "pushed b0 away", "direction": [0, -1]}]
+    entry = {"part": second, "inside": {"trials": 1, "succeeded": 0}, "outside": {"trials": 0}, "trials": trials}
+    supported = dataclasses.replace(data, simulation={"insertion": [entry]})
+    assert disagreements(supported) == ()
+    trials[0]["below"] = "held"
+    assert len(disagreements(supported)) == 1 and "pushed b0 away" in disagreements(supported)[0]
+
+
+def test_films_show_recorded_motion_and_refuse_what_has_another_shape(flat: ReportData) -> None:
+    placed = states(flat)[0].part
+    motion = {"parts": [placed], "times_s": [0.0, 0.1], "poses": [[[0, 0, 0]], [[0.01, 0, 0.2]]]}
+    told = simulated(flat.design, states=[{"placed": placed, "stable": False, "moved": [placed], "motion": motion}])
+    found = films(dataclasses.replace(flat, simulation=told), states(flat))
+    assert found == {"1": {"times": [0.0, 0.1], "parts": [1], "poses": [[[0, 0, 0]], [[0.01, 0, 0.2]]]}}
+    motion["poses"] = [[[0, 0]], [[0, float("nan")]]]
+    assert films(dataclasses.replace(flat, simulation=told), states(flat)) == {}

@@ -103,8 +103,9 @@
   };
   const cameraMatrix = () => {
     const { right, up, eye } = axes();
-    const aspect = canvas.width / canvas.height, f = 2.6, near = view.distance * 0.02, far = view.distance + 4 * scene.size;
-    const at = view.centre.map((c, k) => c + eye[k] * view.distance);
+    const aspect = canvas.width / canvas.height, f = 2.6, near = view.distance * 0.02, far = 2 * view.distance + 5 * scene.size;
+    const distance = view.distance * (1 + 0.9 * show.explode), lift = 0.45 * show.explode * (scene.centre[2] - lowest);
+    const at = view.centre.map((c, k) => c + eye[k] * distance + (k === 2 ? 2 * lift : 0));
     const fx = f / Math.max(aspect, 1), fy = fx * aspect;
     const a = (far + near) / (near - far), b = (2 * far * near) / (near - far);
     const rows = [[...right.map((v) => fx * v), -fx * dot(right, at)], [...up.map((v) => fy * v), -fy * dot(up, at)],
