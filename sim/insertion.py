@@ -22,6 +22,7 @@ from mocca_robot.assembly import Array, Assembly, BoolArray, Polygon
 from mocca_robot.contacts import to_shapely
 from sim.contact_model import ContactModel, contact_model, pieces
 from sim.directions import Direction, InsertionCone
+from sim.heard import heard
 from sim.motion import reach, step_failure
 from sim.scene import Compiled, Hand, Scene, compile_scene
 from sim.settings import settings_for
@@ -35,7 +36,8 @@ class HandOptions:
         stiffness: N/m of the hand in units of the part's weight per size; 1250 for a 50 mm part of 50 g is
             12 N/mm, about that of an arm holding its position. Rotations get stiffness × reach².
         weight_share: contact force allowed without any error, as a share of the part's weight.
-        penetration: deepest penetration allowed: 10 µm for a part of 50 mm.
+        penetration: deepest penetration allowed without any error: 10 µm for a part of 50 mm.
+        pressed: further penetration allowed, as a share of the hand's error: contacts give where the hand presses.
         tracking: deviation from the commanded path allowed beyond the hand's own error.
         lead: free travel before the part comes between its neighbours.
         steps: of one insertion, at least; the tip moves smoothly from rest to rest.
@@ -45,6 +47,7 @@ class HandOptions:
     stiffness: float = 1250.0
     weight_share: float = 0.05
     penetration: float = 2e-4
+    pressed: float = 0.25
     tracking: float = 2e-4
     lead: float = 0.02
     steps: int = 400
@@ -189,8 +192,10 @@ def insert(
     # With friction the hand also drags the part along what it rubs against, on both sides at most.
     allowed = hand.weight_share * weight + scene.hand.stiffness * effective * (1.0 + 2.0 * scene.settings.friction)
     travel = _travel(ready, direction.vector) + hand.lead * size
-    path = _Path(model, compiled, cone.part, direction.vector, travel, offset, max(hand.steps, 1))
+    steps = max(1, hand.steps)
+    path = _Path(model, compiled, cone.part, direction.vector, travel, offset, steps)
     data = mujoco.MjData(model)
+    heard()
     path.place(data)
     mujoco.mj_forward(model, data)
     start_overlap = _penetration(data)
@@ -257,8 +262,9 @@ def _reason(
         return f"the run cannot be believed: {failure}"
     if force[0] > force[1]:
         return f"jammed: contact force {force[0]:.3g} N, allowed {force[1]:.3g} N"
-    if depth > hand.penetration * size:
-        return f"penetrated by {depth * 1e6:.3g} µm, allowed {hand.penetration * size * 1e6:.3g} µm"
+    deepest = hand.penetration * size + hand.pressed * deviation[1]
+    if depth > deepest:
+        return f"penetrated by {depth * 1e6:.3g} µm, allowed {deepest * 1e6:.3g} µm"
     if deviation[0] > hand.tracking * size + 2.0 * deviation[1]:
         return f"left its path by {deviation[0] * 1e3:.3g} mm"
     if moved:

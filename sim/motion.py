@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from mocca_robot.assembly import Array, Assembly, Mesh, Polygon, read_only
+from sim.heard import heard
 from sim.scene import Compiled
 
 ENERGY_GROWTH = 1e-3
@@ -61,6 +62,7 @@ def run(compiled: Compiled, duration: float, stop: Stop | None = None, samples: 
     allowed = ENERGY_GROWTH * _falling_energy(compiled, far)
     planned = max(1, round(duration / model.opt.timestep))
     every = max(1, planned // samples)
+    heard()
     mujoco.mj_forward(model, data)
     start, before = data.qpos.copy(), float(data.energy.sum())
     times, poses, moved, speeds = [0.0], [data.qpos[compiled.qpos]], [np.zeros(len(far))], [np.zeros(len(far))]
@@ -98,6 +100,8 @@ def step_failure(model: Any, data: Any) -> str | None:
         return f"the solver used all {model.opt.iterations} iterations"
     if data.warning.number.any():
         return f"MuJoCo warned: {warnings_of(data)}"
+    if messages := heard():
+        return f"MuJoCo warned: {'; '.join(messages)}"
     if not np.isfinite(data.qacc).all():
         return "accelerations are not finite"
     return None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -105,7 +106,7 @@ def robust_trials(
                 seed,
                 k,
             ),
-            lambda k=k: robust_trial(assembly, contacts, ways, options, np.random.default_rng([seed, k])),
+            partial(robust_trial, assembly, contacts, ways, options, (seed, k)),
         )
         for k in range(options.trials)
     ]
@@ -116,16 +117,17 @@ def robust_trial(
     contacts: Sequence[Contact],
     ways: Mapping[str, Array],
     options: RobustOptions,
-    rng: np.random.Generator,
+    seed: tuple[int, int],
 ) -> Row:
     """Return {'failure': reason or ''} with what was drawn."""
+    rng = np.random.default_rng(seed)
     friction = float(rng.uniform(*options.friction))
     factors = 1.0 + options.density_share * np.clip(rng.standard_normal(len(assembly.parts)), -3.0, 3.0)
     clearance = float(rng.uniform(*options.clearance))
     parts = tuple(replace(p, density=p.density * f) for p, f in zip(assembly.parts, factors))
     drawn = replace(assembly, parts=parts)
     row: Row = {"friction": friction, "clearance": clearance, "failure": ""}
-    found = stability(free_scene(drawn, contact_model(drawn, contacts), friction=friction))
+    found = stability(free_scene(drawn, contact_model(drawn, contacts, friction), friction=friction))
     if not found.stands:
         return {**row, "failure": f"structure {found.verdict}: {found.reason}", "kind": f"structure {found.verdict}"}
     if options.insert:

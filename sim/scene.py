@@ -10,6 +10,7 @@ import numpy as np
 from mocca_robot.assembly import Array, Assembly, BoolArray, read_only
 from mocca_robot.errors import InputError
 from sim.contact_model import ContactModel, Geom, embed
+from sim.heard import listen
 from sim.inertia import inertia
 from sim.settings import Settings
 
@@ -130,6 +131,7 @@ def spec(scene: Scene) -> Any:
 
 def compile_scene(scene: Scene) -> Compiled:
     """Return the compiled model of `scene` with the addresses of its free parts."""
+    listen()
     model = spec(scene).compile()
     parts = np.flatnonzero(scene.free)
     first = [model.body(scene.assembly.parts[p].name) for p in parts]
