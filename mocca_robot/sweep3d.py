@@ -29,13 +29,24 @@ def sweep_blockers_3d(assembly: Assembly, part: int, ways_out: Array) -> tuple[i
     The way is endless: everything ahead counts. Touching and sliding along a face are no hits: the common
     outline of the faces that meet, seen along the way, is wider than 1e-6 of the assembly's size.
     """
+    if part == 0:
+        return ()
     moving = _mesh(assembly, part)
     tolerance = SWEEP_TOLERANCE * assembly.size
+    boxes = np.array([_mesh(assembly, other).bounds for other in range(part)])
+    corners = boxes[:, np.arange(8)[:, None] >> np.arange(3) & 1, np.arange(3)]  # (part, 8, 3)
     hit: set[int] = set()
     for way in ways_out:
         frame = np.concatenate([plane_axes(way / np.linalg.norm(way)), way[None] / np.linalg.norm(way)])
-        ahead = _Profile(moving, frame, 1.0, tolerance)
-        for other in range(part):
+        ahead = _Profile(moving.vertices @ frame.T, moving.faces, 1.0, tolerance)
+        if len(ahead.corners) == 0:
+            continue
+        local = corners @ frame.T
+        low, high = local.min(axis=1), local.max(axis=1)
+        in_line = (low[:, :2] <= ahead.high.max(axis=0)).all(axis=1) & (high[:, :2] >= ahead.low.min(axis=0)).all(
+            axis=1
+        )
+        for other in np.flatnonzero(in_line & (high[:, 2] >= ahead.heights.min() - tolerance)).tolist():
             if other not in hit and _meets(ahead, _mesh(assembly, other), frame, tolerance):
                 hit.add(other)
     return tuple(sorted(hit))
@@ -51,35 +62,34 @@ class _Profile:
     """Triangles of a mesh that look along the way (`sense` 1) or back (−1), in the frame across it.
 
     `corners` (F, 3, 2) are counter-clockwise, `heights` (F, 3) along the way; triangles seen edge-on are left out.
+    `low` and `high` (F, 2) bound the triangles.
     """
 
-    def __init__(self, mesh: Mesh, frame: Array, sense: float, tolerance: float) -> None:
-        local = mesh.vertices @ frame.T
-        faces = mesh.faces if sense > 0 else mesh.faces[:, ::-1]
-        corners = local[faces]
+    def __init__(self, local: Array, faces: IntArray, sense: float, tolerance: float) -> None:
+        corners = local[faces if sense > 0 else faces[:, ::-1]]
         ab, ac = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
+        bc = ac - ab
         area = 0.5 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
-        edges = np.roll(corners[..., :2], -1, axis=1) - corners[..., :2]
-        wide = area > 0.5 * tolerance * np.linalg.norm(edges, axis=2).sum(axis=1)
+        around = np.sqrt((ab**2).sum(axis=1)) + np.sqrt((ac**2).sum(axis=1)) + np.sqrt((bc**2).sum(axis=1))
+        wide = area > 0.5 * tolerance * around
         self.corners, self.heights = corners[wide, :, :2], corners[wide, :, 2]
-        self.tree = shapely.STRtree(shapely.box(*self.corners.min(axis=1).T, *self.corners.max(axis=1).T))
-        self.lowest = float(self.heights.min(initial=np.inf))
+        self.low, self.high = self.corners.min(axis=1), self.corners.max(axis=1)
 
 
 def _meets(ahead: _Profile, other: Mesh, frame: Array, tolerance: float) -> bool:
     local = other.vertices @ frame.T
-    if local[:, 2].max() < ahead.lowest - tolerance or len(ahead.corners) == 0:
+    lowest = float(ahead.heights.min()) - tolerance
+    low, high = ahead.low.min(axis=0), ahead.high.max(axis=0)
+    if local[:, 2].max() < lowest or (local[:, :2].max(axis=0) < low).any() or (local[:, :2].min(axis=0) > high).any():
         return False
-    low, high = local[:, :2].min(axis=0), local[:, :2].max(axis=0)
-    if (low > ahead.corners.max(axis=(0, 1))).any() or (high < ahead.corners.min(axis=(0, 1))).any():
-        return False
-    back = _Profile(other, frame, -1.0, tolerance)
-    b, a = ahead.tree.query(shapely.box(*back.corners.min(axis=1).T, *back.corners.max(axis=1).T))
-    reaches = back.heights[b].max(axis=1) >= ahead.heights[a].min(axis=1) - tolerance
-    a, b = a[reaches], b[reaches]
-    if len(a) == 0:
-        return False
-    return bool((_meeting_widths(ahead, a, back, b, tolerance) > tolerance).any())
+    corners = local[other.faces]
+    near = (corners[..., 2].max(axis=1) >= lowest) & (corners[..., :2].max(axis=1) > low).all(axis=1)
+    near &= (corners[..., :2].min(axis=1) < high).all(axis=1)
+    back = _Profile(local, other.faces[near], -1.0, tolerance)
+    apart = (back.low[:, None] >= ahead.high).any(axis=2) | (ahead.low >= back.high[:, None]).any(axis=2)
+    behind = back.heights.max(axis=1)[:, None] < ahead.heights.min(axis=1) - tolerance
+    b, a = np.nonzero(~(apart | behind))
+    return len(a) > 0 and bool((_meeting_widths(ahead, a, back, b, tolerance) > tolerance).any())
 
 
 def _meeting_widths(ahead: _Profile, a: IntArray, back: _Profile, b: IntArray, tolerance: float) -> Array:
@@ -130,7 +140,9 @@ def _plane(corners: Array, heights: Array) -> tuple[Array, Array]:
 def mesh_overlap(meshes: Sequence[Mesh]) -> float:
     """Return the largest volume that two of `meshes` share, as a share of the smaller one's volume.
 
-    Every pair whose bounding boxes share a volume is intersected exactly (manifold3d).
+    Every pair whose bounding boxes share a volume is intersected (manifold3d). Between faces that coincide
+    exactly an intersection is sometimes left with sheets that it closes the wrong way; the union of the same two
+    does not have them, and what a pair shares is at most what its union lacks.
     """
     if len(meshes) < 2:
         return 0.0
@@ -138,11 +150,14 @@ def mesh_overlap(meshes: Sequence[Mesh]) -> float:
     lower, upper = bounds[:, 0], bounds[:, 1]
     boxes = shapely.box(lower[:, 0], lower[:, 1], upper[:, 0], upper[:, 1])
     i, j = shapely.STRtree(boxes).query(boxes)
-    common = np.minimum(upper[i], upper[j]) - np.maximum(lower[i], lower[j])
-    close = (i < j) & (common > 0).all(axis=1)
+    shared = np.minimum(upper[i], upper[j]) - np.maximum(lower[i], lower[j])
+    close = (i < j) & (shared > 0).all(axis=1)
     solids = [solid(m) for m in meshes] if close.any() else []
     worst = 0.0
     for a, b in zip(i[close], j[close]):
         smaller = min(meshes[a].volume, meshes[b].volume)
-        worst = max(worst, float((solids[a] ^ solids[b]).volume()) / smaller)
+        common = float((solids[a] ^ solids[b]).volume())
+        if common > worst * smaller:
+            lacking = solids[a].volume() + solids[b].volume() - (solids[a] + solids[b]).volume()
+            worst = max(worst, min(common, float(lacking)) / smaller)
     return worst
