@@ -92,7 +92,9 @@ def equilibrium(
     if friction > 0:
         from mocca_robot.statics.friction import equilibrium_with_friction
 
-        results = [equilibrium_with_friction(pairs, points, normals, w, free, friction, about, length) for w in stacked]
+        results = [
+            equilibrium_with_friction(pairs, points, normals, w, free, friction, about, length, solver) for w in stacked
+        ]
     else:
         system = ContactSystem.build(pairs, points, normals, free, about, length)
         results = [solve_system(system, system.scaled(w), solver=solver) for w in stacked]
@@ -146,11 +148,12 @@ def _solved(system: ContactSystem, w: Array, c: Array, solver: str) -> tuple[Arr
 def verdict(relative_residual: float, kkt: float, tolerances: Tolerances = TOLERANCES) -> Status:
     """Return the status for |s|/|w| and the relative KKT residual.
 
-    A small residual |A f + w| with f ≥ 0 proves equilibrium by itself; a large one proves the opposite only
-    when the optimality conditions hold.
+    A small residual |A f + w| with f ≥ 0 proves equilibrium by itself. The opposite is proved only when the
+    optimality conditions hold, and E is larger than what they leave open: E ≥ ½ (|s|/|w|)² − gap.
     """
     if relative_residual <= tolerances.equilibrium_residual:
         return Status.EQUILIBRIUM
-    if kkt <= tolerances.kkt or kkt <= 1e-3 * relative_residual:
+    solved = kkt <= tolerances.kkt or kkt <= 1e-3 * relative_residual
+    if solved and 0.5 * relative_residual**2 > kkt:
         return Status.NOT_IN_EQUILIBRIUM
     return Status.INACCURATE

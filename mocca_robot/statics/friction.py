@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
 
 from mocca_robot.assembly import Array, BoolArray, IntArray
+from mocca_robot.errors import InputError, nearest
 from mocca_robot.statics.blocks import PairBlocks
 from mocca_robot.statics.equilibrium import EquilibriumResult, Status, solve_system, verdict
 from mocca_robot.statics.friction_cones import solve_friction_cones
@@ -24,15 +26,19 @@ def equilibrium_with_friction(
     friction: float,
     about: Array | None = None,
     length: float | None = None,
+    solver: str = "auto",
 ) -> EquilibriumResult:
     """Return the equilibrium of parts whose contact forces stay in the friction cone |f_t| ≤ μ f_n.
 
     Arguments as in `equilibrium`; `wrenches` is one load case (N, dof). `forces` of the result are vectors
-    (C, d) acting on part j. In 2D the cone is exactly two rays; in 3D it is a second-order cone.
+    (C, d) acting on part j. In 2D the cone is exactly two rays, for any solver of Eq. 7; in 3D it is a
+    second-order cone, for those in `CONE_SOLVERS`. Raises InputError for a solver that has no such cones.
     """
     if normals.shape[1] == 2:
-        return _planar(pairs, points, normals, wrenches, free, friction, about, length)
-    return _spatial(pairs, points, normals, wrenches, free, friction, about, length)
+        return _planar(pairs, points, normals, wrenches, free, friction, about, length, solver)
+    if solver != "auto" and solver not in CONE_SOLVERS:
+        raise InputError(f"'{solver}' does not solve friction in 3D; {nearest(solver, CONE_SOLVERS)}")
+    return _spatial(pairs, points, normals, wrenches, free, friction, about, length, solver)
 
 
 def _planar(
@@ -44,12 +50,13 @@ def _planar(
     friction: float,
     about: Array | None,
     length: float | None,
+    solver: str,
 ) -> EquilibriumResult:
     tangents = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
     rays = np.concatenate([normals + friction * tangents, normals - friction * tangents])
     rays /= np.sqrt(1.0 + friction**2)
     system = ContactSystem.build(np.tile(pairs, (2, 1)), np.tile(points, (2, 1)), rays, free, about, length)
-    result = solve_system(system, system.scaled(wrenches))
+    result = solve_system(system, system.scaled(wrenches), solver=solver)
     per_ray = result.forces[:, None] * rays
     forces = per_ray[: len(pairs)] + per_ray[len(pairs) :]
     return EquilibriumResult(result.status, result.infeasibility, forces, result.motions, result.kkt)
@@ -64,6 +71,7 @@ def _spatial(
     friction: float,
     about: Array | None,
     length: float | None,
+    solver: str,
 ) -> EquilibriumResult:
     """Eq. 8 over second-order cones: our own interior point, Clarabel where it fails."""
     first, second = _tangents(normals)
@@ -76,7 +84,7 @@ def _spatial(
     if len(pairs) == 0:
         return EquilibriumResult(Status.NOT_IN_EQUILIBRIUM, 0.5, np.zeros((0, 3)), frame.unscaled_motion(w), 0.0)
     best: tuple[float, Array, Array] | None = None
-    for attempt in (_own_solver, _clarabel):
+    for attempt in CONE_SOLVERS.values() if solver == "auto" else (CONE_SOLVERS[solver],):
         try:
             f = _into_cone(attempt(frame, w / scale).reshape(-1, 3))
         except SolverFailed:
@@ -139,6 +147,13 @@ def _clarabel(frame: ContactSystem, w: Array) -> Array:
     if not np.isfinite(f).all():
         raise SolverFailed(f"Clarabel ended with {solution.status}.")
     return f
+
+
+CONE_SOLVERS: dict[str, Callable[[ContactSystem, Array], Array]] = {
+    "interior_point": _own_solver,
+    "clarabel": _clarabel,
+}
+"""Solvers of Eq. 8 over second-order cones, in the order in which 'auto' tries them."""
 
 
 def _tangents(normals: Array) -> tuple[Array, Array]:

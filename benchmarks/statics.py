@@ -1,0 +1,123 @@
+"""Statics: Eq. 7 on plain arrays by our interior point and by public solvers; tilt sweeps; friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from benchmarks.cases import KINDS, Case
+from benchmarks.measurement import Measurement, Outcome, measure
+from benchmarks.peers import available
+from mocca_robot.assembly import Array
+from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium, verdict
+from mocca_robot.statics.interior_point import solve_interior_point
+from mocca_robot.statics.solvers import kkt_residual
+from mocca_robot.statics.system import ContactSystem
+
+CASES: tuple[tuple[str, int, int], ...] = (
+    *(("stack", n, s) for n, s in ((10, 0), (100, 0), (100, 50))),
+    *(("arch", n, s) for n, s in ((27, 0), (150, 0), (150, 50), (500, 200))),
+    *(("wall", n, s) for n, s in ((150, 0), (150, 50), (1000, 0))),
+    *(("dome", n, s) for n, s in ((140, 0), (140, 10), (140, 50), (140, 200), (1000, 0))),
+)
+QUICK = {"stack-10-planar", "arch-150-50", "wall-150-planar", "dome-140-planar", "dome-140-10"}
+DENSE_ONLY = {"daqp": 3_000_000}
+"""Unknowns × rays beyond which a dense solver is not tried."""
+SLOW_ON_CURVES = {"osqp", "highs"}
+"""Not tried with more than 20,000 rays: they were measured to take minutes."""
+
+
+def statics(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
+    """Yield one row per case and tool: Eq. 7 solved, with the verdict and the KKT residual."""
+    for case in _cases(quick, only):
+        system, w = case.system, case.system.scaled(case.wrenches())
+        matrix, c = system.matrix, np.zeros(len(case.pairs))
+        size = len(w) * len(c)
+
+        def ours(system: ContactSystem = system, w: Array = w, c: Array = c) -> Outcome:
+            fresh = system.holding(system.free)
+            fresh.__dict__["matrix"] = system.matrix  # the others are handed B as well
+            return _outcome(system, w, *solve_interior_point(fresh, w, c))
+
+        def ours_again(system: ContactSystem = system, w: Array = w, c: Array = c) -> Outcome:
+            return _outcome(system, w, *solve_interior_point(system, w, c))
+
+        tools: dict[str, Callable[[], Outcome]] = {"ours": ours, "ours, next load": ours_again}
+        for name, solver in available().items():
+            if size > DENSE_ONLY.get(name, size) or (name in SLOW_ON_CURVES and len(c) > 20_000):
+                continue
+            tools[name] = lambda s=solver, y=system, w=w, b=matrix, c=c: _outcome(y, w, *s(b, w, c))  # type: ignore[misc]
+        for tool, run in tools.items():
+            yield measure("statics", case.name, tool, run)
+
+
+def tilt_sweep(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
+    """Yield one row per case and tool: 31 tilts from 0° to 15° of one structure, structure reused where possible."""
+    angles = np.deg2rad(np.linspace(0.0, 15.0, 31))
+    for kind, blocks, samples in (("arch", 50, 0), ("arch", 50, 50), ("dome", 140, 10), ("dome", 140, 50)):
+        case = KINDS[kind](blocks, samples)
+        if (only and only not in case.name) or (quick and kind == "dome"):
+            continue
+        system = case.system
+        loads = [system.scaled(case.wrenches(a)) for a in angles]
+        c = np.zeros(len(case.pairs))
+
+        def swept(
+            solve: Callable[[Array], tuple[Array, Array]], system: ContactSystem = system, loads: list[Array] = loads
+        ) -> Outcome:
+            outcomes = [_outcome(system, w, *solve(w)) for w in loads]
+            standing = sum(o.verdict == "equilibrium" for o in outcomes)
+            return Outcome(f"{standing} of {len(loads)} stand", max(o.kkt for o in outcomes))
+
+        solvers: dict[str, Callable[[Array], tuple[Array, Array]]] = {
+            "ours": lambda w, s=system, c=c: solve_interior_point(s, w, c),  # type: ignore[misc]
+        }
+        for name, solver in available().items():
+            if name in {"daqp", "highs"} or (name in SLOW_ON_CURVES and samples):
+                continue
+            solvers[name] = lambda w, s=solver, b=system.matrix, c=c: s(b, w, c)  # type: ignore[misc]
+        for tool, solve in solvers.items():
+            yield measure("tilt_sweep", case.name, tool, lambda s=solve, f=swept: f(s), repeats=3)  # type: ignore[misc]
+
+
+def friction(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
+    """Yield one row per case and tool: equilibrium with friction 0.55, planar contacts, upright and tilted 10°."""
+    for kind, blocks in (("arch", 27), ("wall", 150), ("dome", 72), ("dome", 140)):
+        case = KINDS[kind](blocks, 0)
+        if (only and only not in case.name) or (quick and blocks > 100):
+            continue
+        for tilt in (0.0, 10.0):
+            wrenches = case.wrenches(np.deg2rad(tilt))
+            for tool, solver in (("ours", "interior_point"), ("clarabel", "clarabel")):
+
+                def run(solver: str = solver, case: Case = case, wrenches: Array = wrenches) -> Outcome:
+                    result = equilibrium(
+                        case.pairs,
+                        case.points,
+                        case.normals,
+                        wrenches,
+                        fixed=~case.free,
+                        friction=0.55,
+                        about=case.centroids,
+                        length=case.length,
+                        solver=solver,
+                    )
+                    assert isinstance(result, EquilibriumResult)
+                    return Outcome(result.status.value, result.kkt)
+
+                yield measure("friction", f"{case.name}-tilt{tilt:.0f}", tool, run)
+
+
+def _cases(quick: bool, only: str | None) -> Iterator[Case]:
+    for kind, blocks, samples in CASES:
+        name = f"{kind}-{blocks}-{samples or 'planar'}"
+        if (only and only not in name) or (quick and name not in QUICK):
+            continue
+        yield KINDS[kind](blocks, samples)
+
+
+def _outcome(system: ContactSystem, w: Array, v: Array, f: Array) -> Outcome:
+    kkt = kkt_residual(system.matrix, w, np.zeros(len(f)), v, f)
+    residual = float(np.linalg.norm(w + system.matrix.T @ f) / np.linalg.norm(w))
+    return Outcome(verdict(residual, kkt).value, kkt)
