@@ -151,7 +151,7 @@ def solve_osqp(b: sp.csr_array, w: Array, c: Array) -> tuple[Array, Array]:
         polishing=True,
         verbose=False,
     )
-    result = solver.solve()
+    result = solver.solve(raise_error=False)
     if result.x is None or not np.isfinite(result.x).all():
         raise SolverFailed(f"OSQP ended with {result.info.status}.")
     return np.asarray(result.x) * scale, np.maximum(-np.asarray(result.y), 0.0) * scale
