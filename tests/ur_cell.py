@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.models import robot_model
 from mocca_robot.ur.plan import Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint
 from mocca_robot.ur.pose import six
@@ -31,6 +30,7 @@ CELL = Cell(
     serial=SERIAL,
 )
 WIDTH = 0.03
+CLOSED, OPENED = WIDTH - 0.002, 0.05
 SPEEDUP = 4.0
 
 
@@ -57,47 +57,65 @@ def above(height: float) -> np.ndarray:
 SPEEDS = {MoveKind.TRANSIT: (0.10, 0.5), MoveKind.INSERT: (0.01, 0.1)}
 
 
-def part_moves(at: Waypoint, tray: np.ndarray, seat: np.ndarray) -> list[Move]:
-    """Return the moves that bring one part from a tray to its seat; the insertion has one alternative, 5.7° off."""
-    closed, opened = WIDTH - 0.002, 0.05
+Stop = tuple[MoveKind, np.ndarray | None, float]
+
+
+def moves_through(at: Waypoint, stops: Sequence[Stop]) -> tuple[Move, ...]:
+    """Return straight moves from stop to stop (None: no motion); an insertion has one alternative, 5.7° off."""
     moves: list[Move] = []
-    for kind, to, gripper in (
-        (MoveKind.TRANSIT, tray + above(0.02), opened),
-        (MoveKind.APPROACH, tray + above(0.006), opened),
-        (MoveKind.PICK, tray, closed),
-        (MoveKind.LIFT, tray + above(0.01), closed),
-        (MoveKind.TRANSIT, seat + above(0.02), closed),
-        (MoveKind.APPROACH, seat + above(0.008), closed),
-        (MoveKind.INSERT, seat, closed),
-        (MoveKind.RELEASE, None, opened),
-        (MoveKind.RETREAT, seat + above(0.02), opened),
-    ):
+    for kind, to, gripper in stops:
         speed, acceleration = SPEEDS.get(kind, (0.02, 0.5))
         path = (replace(at, t=0.0),) if to is None else line(at, to, speed, acceleration)
         others: tuple[tuple[Waypoint, ...], ...] = ()
-        if kind is MoveKind.INSERT:
-            tilted = seat - 0.008 * np.array([math.sin(0.1), 0.0, -math.cos(0.1)])
+        if kind is MoveKind.INSERT and to is not None:
+            tilted = to - 0.008 * np.array([math.sin(0.1), 0.0, -math.cos(0.1)])
             q = MODEL.solve_pose([*tilted, *at.tcp[3:]], at.q, TOOL)
-            others = (line(Waypoint(0.0, six(q), MODEL.tcp_pose(q, TOOL)), seat, speed, acceleration),)
+            others = (line(Waypoint(0.0, six(q), MODEL.tcp_pose(q, TOOL)), to, speed, acceleration),)
         moves.append(Move(kind, path, speed, 20.0, gripper, others))
         at = path[-1]
-    return moves
+    return tuple(moves)
 
 
-def small_plan(parts: int = 2, limits: Limits | None = None) -> Plan:
+def full_stops(tray: np.ndarray, seat: np.ndarray) -> list[Stop]:
+    """Return the way of a part from its tray to its seat."""
+    return [
+        (MoveKind.TRANSIT, tray + above(0.02), OPENED),
+        (MoveKind.APPROACH, tray + above(0.006), OPENED),
+        (MoveKind.PICK, tray, CLOSED),
+        (MoveKind.LIFT, tray + above(0.01), CLOSED),
+        (MoveKind.TRANSIT, seat + above(0.02), CLOSED),
+        (MoveKind.APPROACH, seat + above(0.008), CLOSED),
+        (MoveKind.INSERT, seat, CLOSED),
+        (MoveKind.RELEASE, None, OPENED),
+        (MoveKind.RETREAT, seat + above(0.02), OPENED),
+    ]
+
+
+def short_stops(start: np.ndarray, beside: np.ndarray) -> list[Stop]:
+    """Return a part that is picked where the arm stands and goes in right below it: quick to rehearse."""
+    return [
+        (MoveKind.PICK, None, CLOSED),
+        (MoveKind.APPROACH, start - above(0.004), CLOSED),
+        (MoveKind.INSERT, start - above(0.012), CLOSED),
+        (MoveKind.RELEASE, None, OPENED),
+        (MoveKind.RETREAT, start - above(0.004), OPENED),
+        (MoveKind.TRANSIT, beside, OPENED),
+    ]
+
+
+def small_plan(parts: int = 2, short: bool = False) -> Plan:
     """Return a plan that places `parts` parts."""
     at = Waypoint(0.0, six(HOME), MODEL.tcp_pose(HOME, TOOL))
     home = np.array(at.tcp[:3])
     steps = []
     for k in range(parts):
-        tray = home + np.array([0.0, -0.04 - 0.03 * k, -0.05])
-        seat = home + np.array([0.0, 0.02 + 0.03 * k, -0.06])
-        moves = part_moves(at, tray, seat)
+        tray, seat = home + np.array([0, -0.04 - 0.03 * k, -0.05]), home + np.array([0, 0.02 + 0.03 * k, -0.06])
+        start, beside = home + np.array([0, 0.04 * k, 0]), home + np.array([0, 0.04 * (k + 1), 0])
+        moves = moves_through(at, short_stops(start, beside) if short else full_stops(tray, seat))
         at = moves[-1].path[-1]
         grasp = Grasp(WIDTH, 0.2, (0.0, 0.0, 0.15))
-        steps.append(Step(f"p{k + 1:02d}", grasp, tuple(moves), (0.0, 0.0, -1.0), math.radians(10)))
-    cell = CELL if limits is None else replace(CELL, limits=limits)
-    return Plan("0" * 64, "ur5e", "2f85", cell, tuple(steps))
+        steps.append(Step(f"p{k + 1:02d}", grasp, moves, (0.0, 0.0, -1.0), math.radians(10)))
+    return Plan("0" * 64, "ur5e", "2f85", CELL, tuple(steps))
 
 
 def loopback(number: int) -> str:

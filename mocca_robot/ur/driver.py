@@ -22,22 +22,18 @@ from mocca_robot.ur.gripper import Grip, Gripper, GripperLost, connect
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.link import Link, LinkLost
 from mocca_robot.ur.models import robot_model
+from mocca_robot.ur.monitor import CONNECT_S, CYCLE_S, STILL_RAD_S, Monitor
 from mocca_robot.ur.owner import RobotLock
 from mocca_robot.ur.plan import Plan, Waypoint
 from mocca_robot.ur.pose import Three, angle_rad, distance_m
 from mocca_robot.ur.preflight import blocking_findings, require_robot
 from mocca_robot.ur.status import ArmState, ExecutionStatus, Outcome
-from mocca_robot.ur.supervision import Stopped, parse_state, program_stop, safety_stop
+from mocca_robot.ur.supervision import Stopped
 
-CYCLE_S = 0.02
-CONNECT_S = 8.0
 CALL_S = 1.0
 """A command of the control script answers within a few cycles; a second means that nobody is there."""
 DECELERATION_M_S2 = 2.0
 DECELERATION_RAD_S2 = 2.0
-STILL_RAD_S = 0.01
-STILL_SAMPLES = 3
-OBSERVE_S = 1.5
 LEAD_IN_S = 0.5
 LATERAL_M = 0.005
 """A part that drifts farther sideways while it is pushed has left its joint."""
@@ -63,17 +59,14 @@ class UrArm:
         self.limits: Limits = plan.cell.limits
         self.model = robot_model(plan.robot)
         self._confirm = confirm
-        self._cancelled = cancelled
         self._lock = RobotLock(host)
-        self._eyes: Link | None = None
+        self._monitor = Monitor(host, self.limits, cancelled)
         self._hands: Link | None = None
         self._gripper: Gripper | None = None
         self._serial = ""
-        self._last: ArmState | None = None
-        self._changed_at = 0.0
-        self._polled_at = 0.0
         self._forcing = False
         self._moving = False
+        self._program_stopped = False
         self._bias = np.zeros(6)
 
     # Opening and closing
@@ -85,8 +78,8 @@ class UrArm:
             identity = require_robot(self.host, self.plan, self._confirm)
             self._serial = identity.serial
             self._gripper = connect(self.plan.gripper, self.host)
-            self._eyes = Link("eyes", self.host, CONNECT_S)
-            self._poll()
+            self._monitor.open()
+            self._monitor.poll()
             self._hands = Link("hands", self.host, CONNECT_S)
             self._order("setWatchdog", self.limits.watchdog_hz)
             self._order("setTcp", list(self.plan.cell.tcp_offset))
@@ -96,9 +89,11 @@ class UrArm:
             raise InputError(f"Robot {self.host} cannot be used: {error}. Nothing was moved.") from error
         except Stopped as stop:
             self.__exit__(None, None, None)
+            remedy = "A person has to clear this at the pendant"
+            if stop.status is ExecutionStatus.CONNECTION_LOST:
+                remedy = "Check the cable and the controller's RTDE service"
             raise InputError(
-                f"Robot {self.host} is not ready ({stop.status}): {stop.detail}. A person has to clear this at the "
-                "pendant; nothing was moved."
+                f"Robot {self.host} is not ready ({stop.status}): {stop.detail}. {remedy}; nothing was moved."
             ) from stop
         except BaseException:
             self.__exit__(None, None, None)
@@ -115,9 +110,8 @@ class UrArm:
                 self._hands.call("stopScript", deadline_s=CALL_S)
             except LinkLost:
                 dashboard.stop_program(self.host)
-        for link in (self._hands, self._eyes):
-            if link is not None:
-                link.kill()
+            self._hands.kill()
+        self._monitor.close()
         if self._gripper is not None:
             self._gripper.close()
         self._lock.__exit__(kind, error, trace)
@@ -146,9 +140,10 @@ class UrArm:
     def _safe(self, point: Waypoint) -> bool:
         """Return whether the controller's own safety limits allow a waypoint."""
         self._watch()
-        return bool(self._hands_call("isPoseWithinSafetyLimits", list(point.tcp))) and bool(
-            self._hands_call("isJointsWithinSafetyLimits", list(point.q))
-        )
+        pose = self._hands_call("isPoseWithinSafetyLimits", list(point.tcp))
+        joints = self._hands_call("isJointsWithinSafetyLimits", list(point.q))
+        self._watch()  # a stopped program makes the library answer False, too
+        return pose is True and joints is True
 
     # Settings
 
@@ -223,7 +218,9 @@ class UrArm:
                 if clock >= last and self._arrived(state, path[-1]):
                     break
                 if time.monotonic() > end:
-                    raise Stopped(ExecutionStatus.TIMED_OUT, f"not there after 1.1 × {times[-1]:.1f} s + 2 s", state)
+                    slow = f" at {state.speed_scaling:.0%} speed" if state.speed_scaling < 1.0 else ""
+                    detail = f"not there after 1.1 × {times[-1]:.1f} s + 2 s{slow}"
+                    raise Stopped(ExecutionStatus.TIMED_OUT, detail, state)
             self._order("servoStop", DECELERATION_M_S2)
             self._moving = False
             state = self._watch()
@@ -285,7 +282,7 @@ class UrArm:
             grip = self._gripper.move(width_m, force_n, lambda: (self._watch(), None)[1])
             return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), grip
         except GripperLost as error:
-            return self._end(Stopped(ExecutionStatus.CONNECTION_LOST, str(error), self._last)), Grip(None, None)
+            return self._end(Stopped(ExecutionStatus.CONNECTION_LOST, str(error), self._monitor.last)), Grip(None, None)
         except Stopped as stop:
             return self._end(stop), Grip(None, None)
 
@@ -293,18 +290,23 @@ class UrArm:
 
     def stop(self) -> bool:
         """Order the arm to stop by whatever way is left; return whether it was then measured to stand still."""
-        try:
-            if self._hands is not None and self._hands.alive:
+        if self._hands is not None and self._hands.alive:
+            try:
                 if self._forcing:
-                    self._leave_force_mode()
+                    self._hands.call("forceModeStop", deadline_s=CALL_S)
                 self._hands.call("servoStop", DECELERATION_M_S2, deadline_s=CALL_S)
-                self._moving = False
-        except (LinkLost, Stopped):
-            pass
-        if self._hands is None or not self._hands.alive:
-            # The watchdog stops the program, too; this asks for it at once.
-            dashboard.stop_program(self.host)
-        return self._stands_still()
+            except LinkLost:
+                pass  # the hands have been killed by that: the next lines go round them
+            else:
+                if self._monitor.stands_still():
+                    self._moving = self._forcing = False
+                    return True
+        if self._hands is not None:
+            # The watchdog stops the program now that the hands are gone; the dashboard is asked to do it at once.
+            self._hands.kill()
+        self._program_stopped = dashboard.stop_program(self.host)
+        self._moving = self._forcing = False
+        return self._monitor.stands_still()
 
     def _end(self, stop: Stopped, waypoint: int | None = None) -> Outcome:
         """Return the outcome of a motion that must end, after ending it."""
@@ -313,47 +315,13 @@ class UrArm:
             # A library that finds its connection again would repeat its last command: it must not get the chance.
             self._hands.kill()
         observed = self.stop()
-        if not observed and self._hands is not None and not self._hands.alive:
-            program = dashboard.stop_program(self.host)
+        if not observed:
             detail += (
                 "; the arm cannot be seen, the controller says that its program has stopped"
-                if program
+                if self._program_stopped
                 else "; the arm cannot be seen, its watchdog has to stop it"
             )
-        self._moving = self._forcing = False
-        return Outcome(stop.status, detail, stop.state or self._last, waypoint, None, observed)
-
-    def _stands_still(self) -> bool:
-        """Return whether fresh states show the arm standing still, looking again through new eyes if need be."""
-        if self._eyes is not None and self._looks_still(self._eyes):
-            return True
-        if self._eyes is not None and not self._fresh():
-            self._eyes.kill()
-            try:
-                self._eyes = Link("eyes", self.host, OBSERVE_S)
-            except LinkLost:
-                return False
-            return self._looks_still(self._eyes)
-        return False
-
-    def _looks_still(self, eyes: Link) -> bool:
-        still, before = 0, self._last.time_s if self._last else -1.0
-        end = time.monotonic() + OBSERVE_S
-        while time.monotonic() < end:
-            try:
-                state = parse_state(eyes.call("state", deadline_s=0.5))
-            except LinkLost:
-                return False
-            except Stopped:
-                time.sleep(CYCLE_S)
-                continue
-            if state.time_s != before:
-                before, self._last, self._changed_at = state.time_s, state, time.monotonic()
-                still = still + 1 if max(abs(v) for v in state.qd) < STILL_RAD_S else 0
-                if still >= STILL_SAMPLES:
-                    return True
-            time.sleep(CYCLE_S / 2)
-        return False
+        return Outcome(stop.status, detail, stop.state or self._monitor.last, waypoint, None, observed)
 
     def _leave_force_mode(self) -> None:
         self._order("forceModeStop")
@@ -362,70 +330,25 @@ class UrArm:
     # Supervision
 
     def _watch(self) -> ArmState:
-        """Return a fresh state that allows to go on; Stopped otherwise."""
-        if self._cancelled():
-            raise Stopped(ExecutionStatus.CANCELLED, "cancelled by the user", self._last)
-        state = self._poll()
-        ended = program_stop(state)
-        if ended is not None:
-            raise Stopped(*ended, state)
-        return state
-
-    def _poll(self) -> ArmState:
-        """Return a fresh state with the safety system undisturbed; Stopped otherwise."""
-        assert self._eyes is not None
-        while True:
-            now = time.monotonic()
-            # A pause of this process leaves the receiver behind for a moment; that is not the robot's silence.
-            own_pause = self._polled_at > 0.0 and now - self._polled_at > 0.5 * self.limits.state_age_s
-            self._polled_at = now
-            try:
-                raw = self._eyes.call("state", deadline_s=max(5 * self.limits.state_age_s, 0.2))
-            except LinkLost as error:
-                raise Stopped(ExecutionStatus.CONNECTION_LOST, f"no state: {error}", self._last) from error
-            state = parse_state(raw)
-            now = time.monotonic()
-            if self._last is None or state.time_s != self._last.time_s:
-                self._changed_at = now
-            elif now - self._changed_at > self.limits.state_age_s:
-                if own_pause:
-                    time.sleep(CYCLE_S)
-                    continue
-                raise Stopped(
-                    ExecutionStatus.CONNECTION_LOST,
-                    f"the controller's state is {1e3 * (now - self._changed_at):.0f} ms old, limit "
-                    f"{1e3 * self.limits.state_age_s:.0f} ms",
-                    state,
-                )
-            self._last = state
-            stopped = safety_stop(state)
-            if stopped is not None:
-                raise Stopped(*stopped, state)
-            return state
-
-    def _fresh(self) -> bool:
-        return time.monotonic() - self._changed_at <= self.limits.state_age_s
+        return self._monitor.watch()
 
     def _settle(self, seconds: float) -> None:
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            time.sleep(CYCLE_S)
-            self._watch()
+        self._monitor.settle(seconds)
 
     def _hands_call(self, name: str, *args: object) -> object:
         assert self._hands is not None
         try:
             answer = self._hands.call(name, *args, deadline_s=CALL_S)
         except LinkLost as error:
-            self._poll()  # a safety stop explains more than a lost call
-            raise Stopped(ExecutionStatus.CONNECTION_LOST, f"command {error}", self._last) from error
+            self._monitor.poll()  # a safety stop explains more than a lost call
+            raise Stopped(ExecutionStatus.CONNECTION_LOST, f"command {error}", self._monitor.last) from error
         return answer
 
     def _order(self, name: str, *args: object) -> None:
         """Give a command that must be obeyed; a bare False of the library becomes its reason."""
         if self._hands_call(name, *args) is not True:
             self._watch()
-            raise Stopped(ExecutionStatus.PROGRAM_STOPPED, f"the controller did not obey {name}", self._last)
+            raise Stopped(ExecutionStatus.PROGRAM_STOPPED, f"the controller did not obey {name}", self._monitor.last)
 
     def _check_forces(self, state: ArmState, force_limit_n: float, contact_force_n: float | None) -> None:
         felt = np.subtract(state.force, self._bias)

@@ -13,8 +13,8 @@ from mocca_robot.ur.plan import Move, MoveKind, Plan, Step
 from mocca_robot.ur.status import ExecutionEvent, ExecutionStatus, Outcome
 
 GUARDED = frozenset({MoveKind.APPROACH, MoveKind.PICK})
-ZEROED = frozenset({MoveKind.TRANSIT, MoveKind.APPROACH, MoveKind.PICK, MoveKind.INSERT})
-"""Moves before which the force sensor is zeroed: the hand hangs free then."""
+ZEROED = frozenset({MoveKind.TRANSIT, MoveKind.APPROACH, MoveKind.INSERT})
+"""Moves before which the force sensor is zeroed: the hand hangs free then. A pick keeps its approach's zero."""
 Listener = Callable[[ExecutionEvent], None]
 
 

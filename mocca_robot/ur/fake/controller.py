@@ -222,8 +222,12 @@ def serve(controller: FakeController, host: str, ready: Callable[[], None]) -> N
     """Run `controller` on `host` until Ctrl-C or SIGTERM."""
     import signal
 
+    from mocca_robot.ur.link import prefer_this_process
+
     if not host.startswith("127."):
         raise InputError(f"The fake controller serves loopback addresses only, not {host}. Give one such as 127.0.0.2.")
+
+    prefer_this_process()
 
     async def main() -> None:
         task = asyncio.ensure_future(controller.run(host, ready))
