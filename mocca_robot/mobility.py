@@ -62,7 +62,7 @@ def mobility(assembly: Assembly, contacts: Sequence[Contact], held: BoolArray | 
     length = assembly.size / 2
     system = ContactSystem.build(pairs, points, normals, ~fixed, about, length)
     b = system.matrix
-    relevant = np.flatnonzero(np.abs(b).sum(axis=1) > 0)
+    relevant = np.flatnonzero(np.asarray(abs(b).sum(axis=1)) > 0)
     v, opens = _opening(b[relevant])
     if not opens:
         v = _sliding(b[relevant])
@@ -88,7 +88,7 @@ def _opening(b: sp.csr_array) -> tuple[Array, bool]:
         bounds=[(-1.0, 1.0)] * columns + [(0.0, 1.0)] * rows,
         method="highs",
     )
-    if not found.success:
+    if not found.success or found.x is None:
         raise MoccaError(f"Whether parts can move cannot be decided: the linear program ends with '{found.message}'.")
     opening = float(found.x[columns:].max(initial=0.0))
     return np.asarray(found.x[:columns]), opening > OPENING

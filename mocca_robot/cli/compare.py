@@ -3,14 +3,44 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Protocol
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
 
 if TYPE_CHECKING:
+    from mocca_robot.assembly import Assembly
+    from mocca_robot.design import Insertion
+    from mocca_robot.joints.joint import Joint
     from mocca_robot.report.comparison import Variant
-    from planners.comparison import Joinery
+
+COMPARISON = "planners.comparison"
+"""The module whose `joineries(assembly, options, contacts=, progress=)` returns the variants, cone joints last."""
+
+
+class Joinery(Protocol):
+    """One way to join the same parts, before anybody has judged it: what `joineries` returns several of."""
+
+    @property
+    def name(self) -> str:
+        """Return 'planar', 'single direction', 'cone joints', …"""
+
+    @property
+    def assembly(self) -> Assembly:
+        """Return the built geometry."""
+
+    @property
+    def joints(self) -> tuple[Joint, ...]:
+        """Return one joint per contact of the input."""
+
+    @property
+    def insertion(self) -> tuple[Insertion, ...]:
+        """Return the way in of every free part."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Return what a reader should know."""
 
 
 def add(commands: Any) -> None:
@@ -27,7 +57,6 @@ def run(args: argparse.Namespace) -> int:
     """Return 0 when the cone joints hold what is asked, 1 otherwise; the other variants are there to fail."""
     from mocca_robot.cli import evidence, stages
     from mocca_robot.report.comparison import write_comparison
-    from planners.comparison import joineries
 
     console = Console(args.json)
     with console.stage("read"):
@@ -35,6 +64,7 @@ def run(args: argparse.Namespace) -> int:
     folder = arguments.output_folder(args, config.assembly.name)
     contacts = stages.read_contacts(config.assembly, console)
     with console.stage("design") as show:
+        joineries = import_module(COMPARISON).joineries
         found = joineries(config.assembly, config.joints, contacts=contacts, progress=lambda what, _: show(what))
     variants = []
     for joinery in found:

@@ -52,10 +52,16 @@ def statics_findings(assembly: Assembly, verification: Verification, remedy: str
     """Return what statics and geometry hold against an assembly."""
     found = [f for case in verification.cases if (f := case_finding(case, remedy)) is not None]
     found += [insertion_finding(i) for i in verification.insertions if not i.assemblable]
-    limit = OVERLAP[assembly.dimension]
-    if verification.part_overlap > limit:
-        found.append(Finding("overlap", f"Parts overlap by {verification.part_overlap:.2g} of the smaller one."))
     return found
+
+
+def overlap_findings(assembly: Assembly, verification: Verification) -> list[Finding]:
+    """Return that built parts penetrate each other. Input may do so within the tolerance of contacts."""
+    limit = OVERLAP[assembly.dimension]
+    if verification.part_overlap <= limit:
+        return []
+    share = verification.part_overlap
+    return [Finding("overlap", f"Built parts overlap by {share:.2g} of the smaller one; {limit:g} is allowed.")]
 
 
 def case_finding(verdict: CaseVerdict, remedy: str = "") -> Finding | None:

@@ -60,7 +60,7 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for command in (run, design, simulate, check, export, info):
         command.add(commands)
-    if importlib.util.find_spec("planners.comparison") is not None:
+    if importlib.util.find_spec(compare.COMPARISON) is not None:
         compare.add(commands)
     if importlib.util.find_spec("mocca_robot.ur") is not None:
         from mocca_robot.ur.commands import register

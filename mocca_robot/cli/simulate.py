@@ -14,9 +14,9 @@ from mocca_robot.errors import InputError
 if TYPE_CHECKING:
     from sim.simulate import Questions
 
-DESCRIPTION = """Ask MuJoCo about a design (or about parts as they are): does every state of the sequence stand, at which
-tilt does it fall, does every part go in along all directions of its cone. Results go to simulation.json and report.html
-beside the design; without --states, --tilt, --insert or --robust, the first three are asked."""
+DESCRIPTION = """Ask MuJoCo about a design (or about parts as they are): does every state of the sequence stand, at
+which tilt does it fall, does every part go in along all directions of its cone. Results go to simulation.json and
+report.html beside the design; without --states, --tilt, --insert or --robust, the first three are asked."""
 
 
 def add(commands: Any) -> None:

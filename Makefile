@@ -1,0 +1,62 @@
+# Everything works from a fresh clone; only Python 3.11 or newer has to be there.
+#   make setup   .venv with the command mocca-robot in it
+#   make demo    a leaning tower: designed, checked in physics, reported
+#   make test    style, types and tests
+#   make bench   all measurements, the long ones included
+
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
+	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	&& { echo $$p; break; }; done)
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+WORKERS ?= 2
+BENCHES ?= contacts statics friction tilt_sweep
+
+export OMP_NUM_THREADS = 1
+export OPENBLAS_NUM_THREADS = 1
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test style types unit bench bench-quick clean
+
+help:
+	@sed -n 's/^#   //p' Makefile
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml
+	@test -n "$(PYTHON)" || { echo "mocca-robot needs Python 3.11 or newer, but no python3 here is that new." >&2; \
+		echo "Install one (Debian: apt install python3 python3-venv), or name it: make setup PYTHON=/path/to/python3.12" >&2; \
+		exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+		echo "mocca-robot needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) -V 2>&1)." >&2; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
+		echo "$(PYTHON) cannot make a virtual environment; on Debian: apt install python3-venv" >&2; exit 1; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $(STAMP)
+
+demo: setup
+	@$(BIN)/mocca-robot run configs/leaning_tower_20.yaml -o out/leaning_tower_20; status=$$?; \
+		echo "Open $(CURDIR)/out/leaning_tower_20/report.html"; exit $$status
+
+test: style types unit
+
+style: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: setup
+	$(BIN)/mypy
+
+unit: setup
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not long"
+
+bench: setup
+	$(BIN)/python -m pytest -n $(WORKERS) -m long
+	@for name in $(BENCHES); do echo "== $$name"; $(BIN)/python -m benchmarks $$name || exit 1; done
+
+bench-quick: setup
+	@for name in $(BENCHES); do echo "== $$name"; $(BIN)/python -m benchmarks $$name --quick || exit 1; done
+
+clean:
+	rm -rf out build dist site .pytest_cache .mypy_cache .ruff_cache .hypothesis
