@@ -26,7 +26,7 @@ class Contact:
             counter-clockwise seen from P_j.
         normal: unit vector from P_i into P_j, (2,) or (3,).
         k: number of this contact among those of the pair.
-        holes: further boundary loops of a 3D contact, (m, 3) each.
+        holes: further boundary loops of a 3D contact, (m, 3) each, clockwise seen from P_j.
     """
 
     parts: tuple[int, int]

@@ -145,9 +145,10 @@ def _facet_overlaps(
             rise = _rise(mine, other, shapely.get_coordinates(piece))
             widest = float(np.abs(rise).max())
             if may_touch and widest <= gap:
+                turned = shapely.geometry.polygon.orient(piece)
                 outer, *holes = (
                     _exact_loop(mine, other, moved, np.asarray(ring.coords)[:-1], gap)
-                    for ring in (shapely.geometry.polygon.orient(piece).exterior, *piece.interiors)
+                    for ring in (turned.exterior, *turned.interiors)
                 )
                 if len(outer) >= 3:
                     kept = tuple(h for h in holes if len(h) >= 3)
