@@ -109,20 +109,26 @@ class PairBlocks:
         return sp.csr_array((signs[keep], (rows[keep], columns[keep])), shape=(n_free, len(pair)))
 
     def times(self, u: Array) -> Array:
-        """Return B u, (M,), for motions u (n,) about the common point."""
-        motions = np.concatenate([u.reshape(-1, self.dof), np.zeros((1, self.dof))])
-        relative = motions[self.second] - motions[self.first]
-        out = np.empty(len(self.source))
+        """Return B u, (…, M), for motions u (…, n) about the common point."""
+        lead = u.shape[:-1]
+        motions = np.concatenate([u.reshape(*lead, -1, self.dof), np.zeros((*lead, 1, self.dof))], axis=-2)
+        relative = motions[..., self.second, :] - motions[..., self.first, :]
+        if len(self.buckets) == 1:
+            return np.asarray((relative[..., None, :] @ self.buckets[0].rays).reshape(*lead, -1))
+        out = np.empty((*lead, len(self.source)))
         for b in self.buckets:
-            np.matmul(relative[b.pairs, None], b.rays, out=out[b.rows].reshape(len(b.pairs), 1, -1))
+            out[..., b.rows] = (relative[..., b.pairs, None, :] @ b.rays).reshape(*lead, -1)
         return out
 
     def transposed_times(self, y: Array) -> Array:
-        """Return Bᵀ y, (n,), for one number y (M,) a row."""
-        wrench = np.empty((len(self.first), self.dof))
+        """Return Bᵀ y, (…, n), for one number y (…, M) a row."""
+        lead = y.shape[:-1]
+        wrench = np.empty((*lead, len(self.first), self.dof))
         for b in self.buckets:
-            wrench[b.pairs] = np.matmul(b.rays, y[b.rows].reshape(len(b.pairs), -1, 1))[:, :, 0]
-        return np.asarray((self.incidence @ wrench).ravel())
+            wrench[..., b.pairs, :] = (b.rays @ y[..., b.rows].reshape(*lead, len(b.pairs), -1, 1))[..., 0]
+        if not lead:
+            return np.asarray((self.incidence @ wrench).ravel())
+        return np.stack([(self.incidence @ one).ravel() for one in wrench])
 
     def gram(self, d: Array) -> Array:
         """Return (P, dof, dof) H_p = R_pᵀ diag(d) R_p for weights d (M,)."""
@@ -132,17 +138,16 @@ class PairBlocks:
             out[b.pairs] = weighted @ b.rays.transpose(0, 2, 1)
         return out
 
-    def own(self, u: Array) -> Array:
-        """Return v = Y u: motions about each part's reference point."""
-        return np.asarray((self.to_own @ u.reshape(-1, self.dof, 1)).ravel())
-
     def own_transposed(self, w: Array) -> Array:
-        """Return Yᵀ w: wrenches about the common point."""
-        return np.asarray((self.to_own.transpose(0, 2, 1) @ w.reshape(-1, self.dof, 1)).ravel())
+        """Return Yᵀ w, wrenches (…, n) about the common point."""
+        return np.asarray((self.to_own.transpose(0, 2, 1) @ self._by_part(w)).reshape(w.shape))
 
     def inertia_times(self, u: Array) -> Array:
-        """Return YᵀY u."""
-        return np.asarray((self.mass @ u.reshape(-1, self.dof, 1)).ravel())
+        """Return YᵀY u, (…, n)."""
+        return np.asarray((self.mass @ self._by_part(u)).reshape(u.shape))
+
+    def _by_part(self, x: Array) -> Array:
+        return x.reshape(*x.shape[:-1], -1, self.dof, 1)
 
     @cached_property
     def mass(self) -> Array:
