@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Sequence
 from itertools import pairwise
@@ -10,6 +11,7 @@ from pathlib import Path
 import manifold3d
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from mocca_robot.generators.dome import ring_surface, running_bond
 from mocca_robot.generators.surface import Surface
@@ -26,6 +28,7 @@ def main(folder: Path) -> None:
     """Write every model into `folder`."""
     for name, parts in (("sphere", sphere()), ("horse", horse())):
         write_obj(folder / f"{name}.obj", parts)
+    (folder / "pavilion.json").write_text(json.dumps(pavilion(), indent=1) + "\n")
     write_surface(folder / "lilium_tower.obj", *lilium_tower())
 
 
@@ -74,6 +77,62 @@ def _cap(u: Array, v: Array, radius: float, steps: int) -> Solid:
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]], fan])
     return np.concatenate([points, np.zeros((1, 3))]), triangles
 
+
+# --- pavilion --------------------------------------------------------------------------------------------------
+
+
+def pavilion(sides: int = 7, radius: float = 1.5, eave: float = 1.8, splay_deg: float = 24.0) -> dict[str, object]:
+    """Return nodes and rods of a garden pavilion: splayed posts, an eave and rafters that meet at the top.
+
+    The pitch is such that the four rods at an eave corner meet in one line: posts and rafters touch the eave's
+    rods, but neither each other nor one eave rod the next. The eave's front side is one piece.
+    """
+    splay = np.deg2rad(splay_deg)
+    pitch = brentq(lambda q: np.cos(q + splay) / (np.cos(splay) + np.sin(q)) - np.sin(np.pi / sides), 0.0, 1.4)
+    top = np.array([0.0, 0.0, eave + radius * np.tan(pitch)])
+    nodes: list[Array] = [top]
+    rods: list[tuple[int, int]] = []
+    names: list[str] = []
+
+    def chain(name: str, ends: tuple[int, int], cuts: Sequence[float], labels: Sequence[str]) -> None:
+        start, end = nodes[ends[0]], nodes[ends[1]]
+        row = [ends[0]]
+        for cut in cuts:
+            nodes.append(start + cut * (end - start))
+            row.append(len(nodes) - 1)
+        row.append(ends[1])
+        rods.extend(pairwise(row))
+        names.extend(f"{label}_{name}" for label in labels)
+
+    turns = -np.pi / 2 + (np.arange(sides) + 0.5) * 2 * np.pi / sides
+    corners, feet = [], []
+    for t in turns:
+        out = np.array([np.cos(t), np.sin(t), 0.0])
+        feet.append(len(nodes))
+        nodes.append((radius + eave * np.tan(splay)) * out)
+        corners.append(len(nodes))
+        nodes.append(radius * out + np.array([0.0, 0.0, eave]))
+    for k in range(sides):
+        chain(str(k + 1), (feet[k], corners[k]), (0.15, 0.57), ("foot", "shin", "post"))
+    for k in range(sides):
+        front = k == sides - 1
+        chain(
+            str(k + 1),
+            (corners[k], corners[(k + 1) % sides]),
+            () if front else (0.5,),
+            ("lintel",) if front else ("eave_a", "eave_b"),
+        )
+    for k in range(sides):
+        chain(str(k + 1), (corners[k], 0), (0.5,), ("rafter", "spar"))
+    order = sorted(range(len(names)), key=lambda r: ORDER.index(names[r].rsplit("_", 1)[0]))
+    return {
+        "nodes": [np.round(n, DIGITS).tolist() for n in nodes],
+        "rods": [list(rods[r]) for r in order],
+        "names": [names[r] for r in order],
+    }
+
+
+ORDER = ("foot", "shin", "post", "eave_a", "eave_b", "lintel", "rafter", "spar")
 
 # --- lilium tower ----------------------------------------------------------------------------------------------
 

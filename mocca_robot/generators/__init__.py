@@ -8,10 +8,19 @@ from typing import Any
 
 from mocca_robot.assembly import Assembly
 from mocca_robot.errors import InputError, nearest
+from mocca_robot.generators.blocks import arch, stack, wall
 from mocca_robot.generators.dome import dome
+from mocca_robot.generators.frame import frame
 from mocca_robot.generators.shell import shell
 
-KINDS: dict[str, Callable[[Mapping[str, Any], Path], Assembly]] = {"dome": dome, "shell": shell}
+KINDS: dict[str, Callable[[Mapping[str, Any], Path], Assembly]] = {
+    "shell": shell,
+    "frame": frame,
+    "stack": stack,
+    "wall": wall,
+    "arch": arch,
+    "dome": dome,
+}
 
 
 def generate(kind: str, parameters: Mapping[str, Any], folder: Path = Path(".")) -> Assembly:

@@ -98,14 +98,15 @@ def running_bond(
     for k, count in enumerate(blocks):
         if k < door_rings:
             inner = np.arange(1, count) + (0.25 if k % 2 else -0.25)
-            joints = -np.pi / 2 + door / 2 + np.r_[0.0, inner, count] / count * (2 * np.pi - door)
+            share = np.asarray(np.r_[0.0, inner, count] / count, dtype=np.float64)
+            joints = -np.pi / 2 + door / 2 + share * (2 * np.pi - door)
             if rings and snap > 0:
                 joints[1:-1] = _snapped(joints[1:-1], rings[-1].above, snap * (2 * np.pi - door) / count)
             rings.append(Ring(joints, joints))
             continue
         width = 2 * np.pi / count
         turn += shift * width
-        joints = turn + width * np.arange(count + 1)
+        joints = np.asarray(turn + width * np.arange(count + 1), dtype=np.float64)
         if rings and snap > 0:
             joints[:-1] = _snapped(joints[:-1], rings[-1].above, snap * width)
             joints[-1] = joints[0] + 2 * np.pi

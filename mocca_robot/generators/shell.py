@@ -19,6 +19,7 @@ DEFAULTS: dict[str, Any] = {
     "thickness": REQUIRED,
     "units": "m",
     "bond": "stack",
+    "sequence": "height",
     "ground": 0.02,
     "flatness": 1e-7,
     "density": DEFAULT_DENSITY,
@@ -29,10 +30,10 @@ def shell(given: Mapping[str, Any], folder: Path) -> Assembly:
     """Return one block per polygon of an OBJ `surface`, `thickness` (m) towards the surface's outside.
 
     Polygons with an edge on the ground (within `ground` × height of the lowest point) are fixed. Blocks come by
-    height, rings of one height around. Corners that lie on a neighbour's edge (T-junctions) are joined to it.
-    With `bond: running` the quadrangles of every second row are shifted by half a block. Vertex normals in the
-    file are the directions of the thickness to start from. Raises InputError when a wall between two blocks cannot
-    be made flat within `flatness` × the surface's size: where, and by how much.
+    `sequence`: "height" of their centroid, or "file", the order of the polygons. Corners that lie on a neighbour's
+    edge (T-junctions) are joined to it. With `bond: running` the quadrangles of every second row are shifted by
+    half a block. Vertex normals in the file are the directions of the thickness to start from. Raises InputError
+    when a wall between two blocks cannot be made flat within `flatness` × the surface's size: where, by how much.
     """
     p = Parameters("shell", given, DEFAULTS)
     from mocca_robot.files.meshes import METRES_PER
@@ -42,7 +43,9 @@ def shell(given: Mapping[str, Any], folder: Path) -> Assembly:
     if not path.is_file():
         raise InputError(f"shell.surface: '{path}' does not exist.")
     factor = METRES_PER[p.choice("units", tuple(METRES_PER))]
-    faces, names, normals, points = [], [], np.zeros((0, 3)), np.zeros((0, 3))
+    faces: list[tuple[int, ...]] = []
+    names: list[str] = []
+    normals, points = np.zeros((0, 3)), np.zeros((0, 3))
     for group in read_obj(path):
         points, normals = group.vertices * factor, group.normals
         for k, face in enumerate(group.faces):
@@ -68,9 +71,9 @@ def shell(given: Mapping[str, Any], folder: Path) -> Assembly:
     for face, mesh, name in zip(surface.faces, meshes, names):
         low = height[list(face)] <= level + 1e-12
         parts.append(Part(name, mesh, density, fixed=bool((low & np.roll(low, 1)).any())))
-    if p.given("surface") and not any(part.fixed for part in parts):
+    if not any(part.fixed for part in parts):
         raise InputError(f"shell.surface: no polygon of '{path}' has an edge on the ground; raise shell.ground.")
-    if any(name[:4] == "ring" for name in names):
+    if p.choice("sequence", ("height", "file")) == "file":
         return Assembly(path.stem, tuple(parts))
     order = sorted(range(len(parts)), key=lambda k: (round(float(parts[k].centroid[2] / np.ptp(height)), 3), k))
     return Assembly(path.stem, tuple(parts[k] for k in order))
@@ -84,7 +87,7 @@ def joined(surface: Surface) -> Surface:
     used = np.unique(np.concatenate([np.array(f) for f in surface.faces]))
     size = float(np.linalg.norm(np.ptp(points[used], axis=0)))
     tree = shapely.STRtree(shapely.points(points[used, :2]))
-    faces = []
+    faces: list[list[int]] = []
     for face in surface.faces:
         loop: list[int] = []
         for a, b in zip(face, (*face[1:], face[0])):
@@ -99,8 +102,8 @@ def joined(surface: Surface) -> Surface:
             off = np.linalg.norm(points[near] - points[a] - along[:, None] * span / length, axis=1)
             inside = (off <= 1e-6 * size) & (along > 1e-6 * size) & (along < length - 1e-6 * size)
             loop += [int(near[k]) for k in np.flatnonzero(inside)[np.argsort(along[inside])]]
-        faces.append(tuple(loop))
-    return Surface(points, tuple(faces))
+        faces.append(loop)
+    return Surface(points, tuple(tuple(f) for f in faces))
 
 
 def _require_flat(surface: Surface, deviation: Array, flatness: float) -> None:
@@ -112,7 +115,8 @@ def _require_flat(surface: Surface, deviation: Array, flatness: float) -> None:
     where = ", ".join(f"{x:.4g}" for x in surface.points[list(inner[worst])].mean(axis=0))
     count = int((deviation > flatness * size).sum())
     raise InputError(
-        f"This surface cannot be cut into blocks with planar contacts: the wall near ({where}) is {deviation[worst]:.3g} m "
-        f"away from flat, the limit is {flatness * size:.3g} m ({count} of {len(deviation)} walls exceed it). Use a "
-        "planar-quad mesh with conical or circular quadrangles, a surface of revolution, or running bond."
+        f"This surface cannot be cut into blocks with planar contacts: the wall near ({where}) is "
+        f"{deviation[worst]:.3g} m away from flat, the limit is {flatness * size:.3g} m ({count} of {len(deviation)} "
+        "walls exceed it). Use a planar-quad mesh with conical or circular quadrangles, a surface of revolution, or "
+        "running bond."
     )

@@ -65,9 +65,10 @@ def planar_directions(
     """Return (V, 3) directions that make all side walls as planar as possible, and (E,) how far each inner edge's
     wall is from a plane, metres.
 
-    Starts from `start` (V, 3), where that is zero from the vertex normals, and solves det(edge, n_a, n_b) = 0 over all inner edges by Gauss–Newton with
-    the smallest change; each direction keeps its component along the first normal, so that the thickness stays.
-    Where three polygons meet at every corner (as in running bond) there are more unknowns than equations.
+    Starts from `start` (V, 3), where that is zero from the vertex normals, and solves det(edge, n_a, n_b) = 0 over
+    all inner edges by Gauss–Newton with the smallest change; each direction keeps its component along the first
+    one, so that the thickness stays. Where three polygons meet at every corner (as in running bond) there are
+    more unknowns than equations.
     """
     edges = np.array([e for e, owners in surface.edges().items() if len(owners) == 2]).reshape(-1, 2)
     normals = surface.vertex_normals()
