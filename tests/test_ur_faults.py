@@ -21,6 +21,8 @@ CASES = [
     # plan, fault, moment, status, kind of move, words of the detail, whether standstill can be measured
     ("full", "connection_dropped", "servo:1:0.5", Status.CONNECTION_LOST, "transit", "watchdog has to stop it", False),
     ("short", "connection_dropped", "force:1:0.3", Status.CONNECTION_LOST, "insert", "watchdog has to stop it", False),
+    ("full", "connection_blip", "servo:1:0.5", Status.CONNECTION_LOST, "transit", "", True),
+    ("short", "connection_blip", "force:1:0.3", Status.CONNECTION_LOST, "insert", "", True),
     ("full", "rtde_silent", "servo:1:0.5", Status.CONNECTION_LOST, "transit", "its program has stopped", False),
     ("short", "rtde_silent", "grip:1", Status.CONNECTION_LOST, "pick", "its program has stopped", False),
     ("full", "nan", "servo:2:0.3", Status.CONNECTION_LOST, "approach", "not finite", False),

@@ -340,7 +340,7 @@ class UrArm:
         try:
             answer = self._hands.call(name, *args, deadline_s=CALL_S)
         except LinkLost as error:
-            self._monitor.poll()  # a safety stop explains more than a lost call
+            self._watch()  # a safety stop explains more than a lost call
             raise Stopped(ExecutionStatus.CONNECTION_LOST, f"command {error}", self._monitor.last) from error
         return answer
 

@@ -75,7 +75,9 @@ class Link:
         finally:
             child.close()
         self._alive = True
+        self._said = 0
         self._receive(deadline_s, "connect")
+        self._said = self._log_size()
 
     @property
     def alive(self) -> bool:
@@ -93,7 +95,16 @@ class Link:
         except OSError as error:
             self.kill()
             raise LinkLost(f"{name}: {error}") from error
-        return self._receive(deadline_s, name)
+        answer = self._receive(deadline_s, name)
+        if self._log_size() > self._said:
+            # The library speaks only when something is wrong, such as when it reconnects behind our back.
+            words = self._last_words()
+            self.kill()
+            raise LinkLost(f"{name}: the client library reports '{words}'")
+        return answer
+
+    def _log_size(self) -> int:
+        return os.fstat(self._log.fileno()).st_size
 
     def _receive(self, deadline_s: float, name: str) -> Any:
         end = time.monotonic() + deadline_s

@@ -90,7 +90,7 @@ class Monitor:
         """Return whether fresh states show the arm standing still, looked at through new eyes if the old ones fail."""
         if self.age_s <= self.limits.state_age_s and self._looks_still():
             return True
-        if self.age_s <= self.limits.state_age_s:
+        if self._eyes is not None and self._eyes.alive and self.age_s <= self.limits.state_age_s:
             return False
         self.close()
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -86,11 +87,16 @@ def blocking_findings(
             f"{1e3 * far:.1f} mm away, limit {limits.start_joint_rad:g} rad and {1e3 * limits.start_distance_m:g} mm; "
             f"move it to joint angles {np.round(first.q, 4).tolist()} with the pendant"
         )
+    asked: set[Waypoint] = set()
     for i in range(first_step, len(plan.steps)):
         for k, move in enumerate(plan.steps[i].moves):
             for path in (move.path, *move.alternatives):
                 for w in spaced(path):
-                    if not safe(path[w]):
+                    place = replace(path[w], t=0.0)
+                    if place in asked:
+                        continue
+                    asked.add(place)
+                    if not safe(place):
                         yield (
                             f"step {i} ({plan.steps[i].part}), move {k} ({move.kind}), waypoint {w}: outside the "
                             f"controller's safety limits: {np.round(path[w].tcp[:3], 3).tolist()} m; plan inside them, "

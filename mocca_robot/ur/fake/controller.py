@@ -85,8 +85,9 @@ class FakeController:
             now = time.monotonic()
             self.arm.step(min(now - before, 0.05) * self.speedup, now)
             before = now
-            if Fault.CONNECTION_DROPPED in self.arm.world.active:
+            if {Fault.CONNECTION_DROPPED, Fault.CONNECTION_BLIP} & self.arm.world.active:
                 self.rtde.drop()
+                self.arm.world.clear({Fault.CONNECTION_BLIP})
             else:
                 self.rtde.broadcast()
 

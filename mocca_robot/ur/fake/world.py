@@ -24,6 +24,8 @@ class Fault(StrEnum):
     """Everything that can be made to go wrong."""
 
     CONNECTION_DROPPED = "connection_dropped"
+    CONNECTION_BLIP = "connection_blip"
+    """RTDE connections are cut once, and accepted again at once."""
     RTDE_SILENT = "rtde_silent"
     PROTECTIVE_STOP = "protective_stop"
     EMERGENCY_STOP = "emergency_stop"
