@@ -23,6 +23,7 @@ from mocca_robot.contacts import to_shapely
 from sim.contact_model import ContactModel, contact_model, pieces
 from sim.directions import Direction, InsertionCone
 from sim.heard import heard
+from sim.inertia import inertia
 from sim.motion import reach, step_failure
 from sim.scene import Compiled, Hand, Scene, compile_scene
 from sim.settings import settings_for
@@ -41,6 +42,9 @@ class HandOptions:
         tracking: deviation from the commanded path allowed beyond the hand's own error.
         lead: free travel before the part comes between its neighbours.
         steps: of one insertion, at least; the tip moves smoothly from rest to rest.
+        touching_speed: m/s at most when the grip is off, because the part then meets its neighbours on the way and
+            a faster one hits harder than the springs push.
+        impact: force allowed beyond the springs', as a share of it: what meeting a neighbour at that speed adds.
         sag_share: displacement of the parts below, when they are left free, that is still harmless.
     """
 
@@ -51,6 +55,8 @@ class HandOptions:
     tracking: float = 2e-4
     lead: float = 0.02
     steps: int = 400
+    touching_speed: float = 0.05
+    impact: float = 0.25
     sag_share: float = 0.01
 
 
@@ -190,9 +196,13 @@ def insert(
     assert scene.hand is not None
     offset, effective = _offset(assembly, direction.vector, error, far)
     # With friction the hand also drags the part along what it rubs against, on both sides at most.
-    allowed = hand.weight_share * weight + scene.hand.stiffness * effective * (1.0 + 2.0 * scene.settings.friction)
+    beyond = 1.0 + hand.impact + 2.0 * scene.settings.friction
+    allowed = hand.weight_share * weight + scene.hand.stiffness * effective * beyond
     travel = _travel(ready, direction.vector) + hand.lead * size
     steps = max(1, hand.steps)
+    if effective > 0.0:
+        # Minimum jerk peaks at 15/8 of the mean speed.
+        steps = max(steps, int(1.875 * travel / hand.touching_speed / model.opt.timestep))
     path = _Path(model, compiled, cone.part, direction.vector, travel, offset, steps)
     data = mujoco.MjData(model)
     heard()
@@ -286,35 +296,34 @@ class _Path:
         self.way = np.concatenate([way, np.zeros(wide - d)])
         self.travel, self.offset, self.steps = travel, offset, steps
         self.step_s = float(model.opt.timestep)
-        # What the servo needs ahead to follow without lag: damping × velocity and mass × acceleration.
+        # What the servo needs ahead to follow exactly: damping × velocity and inertia × acceleration.
         gains, damping = model.actuator_gainprm[:, 0], -model.actuator_biasprm[:, 2]
+        turning = float(np.trace(inertia(compiled.scene.assembly.parts[part]))) / 3.0
         mass = compiled.scene.assembly.parts[part].mass
-        self.lag = damping / gains
-        self.heave = np.concatenate([np.full(d, mass), np.zeros(wide - d)]) / gains
+        self.lag = damping / gains / self.step_s
+        self.heave = np.concatenate([np.full(d, mass), np.full(wide - d, turning)]) / gains / self.step_s**2
 
     def place(self, data: Any) -> None:
         data.qpos[self.qpos] = self.target(0)
 
-    def at(self, step: int) -> tuple[float, float, float]:
-        """Return distance to the seat, speed and acceleration (minimum jerk)."""
-        t, total = min(1.0, step / self.steps), self.steps * self.step_s
-        s = t**3 * (10.0 - 15.0 * t + 6.0 * t * t)
-        v = 30.0 * t * t * (1.0 - t) ** 2 / total
-        a = 60.0 * t * (1.0 - t) * (1.0 - 2.0 * t) / total**2
-        return self.travel * (1.0 - s), self.travel * v, self.travel * a
-
     def target(self, step: int) -> Array:
-        return -self.at(step)[0] * self.way + self.error(step)
+        """Return where the grip should be: minimum jerk along the line, plus its error.
 
-    def error(self, step: int) -> Array:
-        """Return how far the grip is off; it grows over the first fifth, so that no path starts in a neighbour."""
-        t = min(1.0, 5.0 * step / self.steps)
-        return t * t * (3.0 - 2.0 * t) * self.offset
+        The error grows over the first fifth, so that no path starts in a neighbour.
+        """
+        t = min(1.0, max(0.0, step / self.steps))
+        left = 1.0 - t**3 * (10.0 - 15.0 * t + 6.0 * t * t)
+        e = min(1.0, 5.0 * t)
+        return np.asarray(-self.travel * left * self.way + e * e * (3.0 - 2.0 * e) * self.offset)
 
     def command(self, data: Any, step: int) -> None:
-        # MuJoCo takes the servo's force at the start of the step, from the pose it has then.
-        left, v, a = self.at(step - 1)
-        data.ctrl[:] = -left * self.way + self.error(step - 1) + self.lag * v * self.way + self.heave * a * self.way
+        """Set the servos such that a part that meets nothing is at `target(step)` after the step.
+
+        MuJoCo takes the spring's force at the start of a step, the damper's at its end, and moves the part with
+        the velocity it has then: with velocities as differences of targets, the following is exact.
+        """
+        before, now, after = self.target(step - 2), self.target(step - 1), self.target(step)
+        data.ctrl[:] = now + self.lag * (after - now) + self.heave * (after - 2.0 * now + before)
 
     def deviation(self, data: Any, step: int, far: float) -> float:
         gap = data.qpos[self.qpos] - self.target(step)

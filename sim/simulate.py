@@ -46,7 +46,7 @@ class Questions:
         azimuths: of the tilt table in 3D (2D: right and left).
         directions: ways in that cover each part's cone.
         clearances: metres; every one is tried along the axis and the rim.
-        errors: of the placing hand; each is tried along the axis.
+        errors: of the placing hand; each is tried along the axis without clearance, the hardest case.
         hand: its stiffness and what counts as a jam.
         robust: distributions of the robustness trials.
         seed: of everything drawn at random.
@@ -286,7 +286,8 @@ class _Work:
         polygons = [c.polygon for c in self.contacts if c.parts[1] == cone.part]
         points = [np.concatenate(polygons)] if polygons else []
         # Negative controls only without clearance: with play, 3° outside may truly go in.
-        runs = [(c, "held", telling, self.ask.errors) for c in self.ask.clearances if c > 0.0]
+        runs: list[tuple[float, str, tuple[Direction, ...], tuple[PlacingError, ...]]]
+        runs = [(c, "held", telling, ()) for c in self.ask.clearances if c > 0.0]
         runs.insert(0, (0.0, "held", ways, self.ask.errors))
         if below_stands:
             runs.append((0.0, "free", telling, ()))

@@ -1,0 +1,128 @@
+"""Closed forms that physics must give, agreement with statics, and runs that must not be believed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from physics_models import WIDTH, box_stack_3d, jointed, stack
+
+from mocca_robot.contacts import find_contacts
+from mocca_robot.errors import InputError
+from mocca_robot.loads import state_cases, tilted_gravity
+from mocca_robot.verify import critical_tilt
+from sim.contact_model import contact_model, facets, pieces
+from sim.scene import compile_scene
+from sim.stability import Verdict, free_scene, judged, stability
+from sim.states import state_result
+from sim.tilt import azimuths, physical_tilt, tilt_scene
+
+
+def let_go(assembly, angle=0.0, friction=0.0, model=None):
+    model = model or pieces(assembly)
+    gravity = tilted_gravity(assembly.gravity, angle)
+    return stability(free_scene(assembly, model, gravity=gravity, friction=friction))
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.5])
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("kind", ["pieces", "facets"])
+def test_a_block_slides_down_a_slope_from_atan_mu(friction, side, kind):
+    block = stack(1)
+    contacts = find_contacts(block).contacts
+    model = pieces(block) if kind == "pieces" else facets(block, contacts)
+    angle = np.arctan(friction) + side * np.deg2rad(0.5)
+    assert let_go(block, angle, friction, model).stands == (side < 0)
+
+
+@pytest.mark.parametrize("blocks", [1, 3, 10])
+def test_a_stack_tips_over_at_atan_width_over_height(blocks):
+    assembly = stack(blocks)
+    contacts = find_contacts(assembly).contacts
+    found = physical_tilt(tilt_scene(assembly, facets(assembly, contacts), 2.0), contacts, 0.0)
+    assert found.critical_rad == pytest.approx(np.arctan(1 / blocks), abs=np.deg2rad(0.3))
+    assert not found.failed
+
+
+@pytest.mark.parametrize(("share", "stands"), [(0.05, True), (0.2, False)])
+def test_shifted_cubes_stand_up_to_their_overhang_limit(share, stands):
+    """Ten cubes, each shifted by a share of its width: the limit is 0.10."""
+    assembly = stack(10, share * WIDTH)
+    found = let_go(assembly, 0.0, 0.5, facets(assembly, find_contacts(assembly).contacts))
+    assert found.stands == stands
+    assert bool(found.moved) == (not stands)
+
+
+@pytest.mark.parametrize(("height", "lean"), [(0.2, 0.0), (-0.2, 0.2), (0.3, -0.1)])
+@pytest.mark.parametrize("azimuth", [0.0, np.pi])
+def test_curved_joints_let_go_where_statics_says(height, lean, azimuth):
+    assembly, contacts = jointed(stack(3), height, lean)
+    for model in (pieces(assembly), facets(assembly, contacts)):
+        found = physical_tilt(tilt_scene(assembly, model), contacts, azimuth)
+        assert found.statics_rad == critical_tilt(assembly, contacts, azimuth)
+        assert abs(found.difference_rad) < np.deg2rad(0.5)
+        assert found.moved and not found.failed
+
+
+def test_solids_tip_over_where_statics_says():
+    assembly, contacts = box_stack_3d(3)
+    compiled = tilt_scene(assembly, facets(assembly, contacts), 2.0)
+    for azimuth in (0.0, np.pi / 4, np.pi):
+        found = physical_tilt(compiled, contacts, azimuth)
+        assert abs(found.difference_rad) < np.deg2rad(1.0)
+    assert found.critical_rad == pytest.approx(np.arctan(1 / 3), abs=np.deg2rad(0.5))
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_solid_slides_from_atan_mu(side):
+    assembly, contacts = box_stack_3d(1)
+    angle = np.arctan(0.3) + side * np.deg2rad(0.5)
+    assert let_go(assembly, angle, 0.3, facets(assembly, contacts)).stands == (side < 0)
+
+
+def test_every_state_agrees_with_statics_also_where_it_falls():
+    """The fourth block hangs over too far; a fifth on top cannot save it."""
+    assembly = stack(5, 0.3 * WIDTH)
+    contacts = find_contacts(assembly).contacts
+    model = contact_model(assembly, contacts, 0.5)
+    results = [state_result(assembly, model, contacts, case, 0.5) for case in state_cases(assembly)]
+    assert [r.placed for r in results] == [p.name for p in assembly.parts if not p.fixed]
+    assert all(r.agrees for r in results)
+    assert results[0].stands and not results[-1].stands
+    assert results[-1].moved and results[-1].times and len(results[-1].poses) == len(results[-1].times)
+
+
+def test_the_verdict_does_not_depend_on_where_the_assembly_is_drawn():
+    assembly = stack(3)
+    moved = assembly.with_shapes(
+        [replace(p.shape, exterior=p.shape.exterior + np.array([3.0, -2.0])) for p in assembly.parts]
+    )
+    a, b = let_go(assembly, 0.3, 2.0), let_go(moved, 0.3, 2.0)
+    assert a.verdict == b.verdict
+    assert a.max_share == pytest.approx(b.max_share, abs=1e-4)
+
+
+def test_a_run_whose_solver_gives_up_is_failed_not_judged():
+    assembly, _ = jointed(stack(3))
+    scene = free_scene(assembly, pieces(assembly))
+    strangled = replace(scene, settings=replace(scene.settings, iterations=1, tolerance=0.0))
+    found = judged(compile_scene(strangled))
+    assert found.verdict is Verdict.FAILED
+    assert "iterations" in found.reason
+
+
+def test_a_run_that_gains_energy_is_failed():
+    """Parts that overlap at the start are flung apart."""
+    assembly = stack(2)
+    parts = [p.shape for p in assembly.parts]
+    parts[2] = replace(parts[2], exterior=parts[2].exterior - np.array([0.0, 0.2 * WIDTH]))
+    overlapping = assembly.with_shapes(parts)
+    found = let_go(overlapping)
+    assert found.verdict is Verdict.FAILED
+    assert "energy" in found.reason
+
+
+def test_the_tilt_table_needs_an_azimuth():
+    with pytest.raises(InputError, match="0 azimuths"):
+        azimuths(stack(1), 0)
