@@ -15,7 +15,7 @@ import shapely
 
 from mocca_robot.assembly import Array, Assembly, IntArray, Mesh
 from mocca_robot.joints.triangulation import plane_axes
-from mocca_robot.penetration import solid
+from mocca_robot.penetration import shared_volume, solid
 
 SWEEP_TOLERANCE = 1e-6
 """Share of the assembly's size below which a hit's width is sliding contact, rounding or weld; as in 2D."""
@@ -140,9 +140,7 @@ def _plane(corners: Array, heights: Array) -> tuple[Array, Array]:
 def mesh_overlap(meshes: Sequence[Mesh]) -> float:
     """Return the largest volume that two of `meshes` share, as a share of the smaller one's volume.
 
-    Every pair whose bounding boxes share a volume is intersected (manifold3d). Between faces that coincide
-    exactly an intersection is sometimes left with sheets that it closes the wrong way; the union of the same two
-    does not have them, and what a pair shares is at most what its union lacks.
+    Every pair whose bounding boxes share a volume is intersected (manifold3d).
     """
     if len(meshes) < 2:
         return 0.0
@@ -156,8 +154,5 @@ def mesh_overlap(meshes: Sequence[Mesh]) -> float:
     worst = 0.0
     for a, b in zip(i[close], j[close]):
         smaller = min(meshes[a].volume, meshes[b].volume)
-        common = float((solids[a] ^ solids[b]).volume())
-        if common > worst * smaller:
-            lacking = solids[a].volume() + solids[b].volume() - (solids[a] + solids[b]).volume()
-            worst = max(worst, min(common, float(lacking)) / smaller)
+        worst = max(worst, shared_volume(solids[a], solids[b]) / smaller)
     return worst
