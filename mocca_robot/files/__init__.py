@@ -1,1 +1,1 @@
-
+"""One format a file: configurations, drawings, assemblies, designs, meshes; read, checked, written."""

@@ -89,6 +89,9 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
         existing_path(path)
         data = {"model": path.name or "."}
     written = {**data, **(arguments or {})}
+    for key, value in (arguments or {}).items():
+        if isinstance(value, Mapping) and isinstance(data.get(key), Mapping):
+            written[key] = {**data[key], **value}  # one key of a section leaves the others alone
     folder = path.parent
     given = _top_level(written, where, 1.0)
     if not path.name:
