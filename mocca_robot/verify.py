@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from scipy.optimize import linprog
 
 from mocca_robot.assembly import Array, Assembly, Goal, Mesh, Polygon
 from mocca_robot.contacts import Contact, find_contacts, to_shapely
 from mocca_robot.joints.joint import Joint, contact_rays, planar
-from mocca_robot.loads import LoadCase, case_wrenches, gravity_wrenches, load_cases, tilted_gravity
+from mocca_robot.loads import LoadCase, case_wrenches, load_cases, tilted_gravity
 from mocca_robot.parts_graph import PartMotion, part_motions
 from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium
+from mocca_robot.statics.tilt import critical_angle
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,40 +62,19 @@ def moving_parts(assembly: Assembly, motions: Array) -> tuple[str, ...]:
 def critical_tilt(assembly: Assembly, contacts: Sequence[Contact], azimuth_rad: float, friction: float = 0.0) -> float:
     """Return the largest tilt (radians, at most π/2) towards an azimuth at which the structure stands.
 
-    Zero when it does not stand upright either. Without friction this is one linear program: gravity tilted by
-    θ is gravity down plus tan θ sideways, so the largest feasible tan θ is the answer. With friction it is a
-    bisection of equilibrium problems (the feasible wrenches form a convex cone, so there is one threshold).
+    Zero when it does not stand upright either. See `mocca_robot.statics.tilt` for the method, with and without
+    friction.
     """
     down = case_at(assembly, 0.0, azimuth_rad)
     if not solve_case(assembly, contacts, down, friction).result.stands:
         return 0.0
-    if friction > 0.0:
-        return _bisected_tilt(assembly, contacts, azimuth_rad, friction)
-    pairs, points, normals = contact_rays(contacts)
-    from mocca_robot.statics.system import ContactSystem
-
-    about = np.array([p.centroid for p in assembly.parts])
-    system = ContactSystem.build(pairs, points, normals, ~assembly.fixed, about, assembly.size / 2)
-    upright = system.scaled(gravity_wrenches(assembly, assembly.gravity))
+    masses = np.array([p.mass for p in assembly.parts])
     level = tilted_gravity(assembly.gravity, np.pi / 2, azimuth_rad)
-    sideways = system.scaled(gravity_wrenches(assembly, level))
-    scale = float(np.linalg.norm(upright))
-    import scipy.sparse as sp
 
-    matrix = sp.hstack([system.matrix.T, sp.csr_array(sideways[:, None] / scale)], format="csc")
-    solution = linprog(
-        np.r_[np.zeros(len(pairs)), -1.0],
-        A_eq=matrix,
-        b_eq=-upright / scale,
-        bounds=[(0, None)] * len(pairs) + [(0, 1e4)],
-        method="highs",
-        options={"primal_feasibility_tolerance": 1e-9, "dual_feasibility_tolerance": 1e-9},
-    )
-    if solution.status == 3 or (solution.success and solution.x[-1] >= 0.99e4):
-        return float(np.pi / 2)
-    if solution.success:
-        return float(np.arctan(solution.x[-1]))
-    return _bisected_tilt(assembly, contacts, azimuth_rad, friction)
+    def solve(angle_rad: float) -> EquilibriumResult:
+        return solve_case(assembly, contacts, case_at(assembly, angle_rad, azimuth_rad), friction).result
+
+    return critical_angle(solve, masses, assembly.gravity, level)[0]
 
 
 def case_at(assembly: Assembly, angle_rad: float, azimuth_rad: float) -> LoadCase:
@@ -103,15 +82,6 @@ def case_at(assembly: Assembly, angle_rad: float, azimuth_rad: float) -> LoadCas
     present = np.ones(len(assembly.parts), dtype=np.bool_)
     gravity = tilted_gravity(assembly.gravity, angle_rad, azimuth_rad)
     return LoadCase(f"tilt_{np.rad2deg(azimuth_rad):03.0f}", gravity, present, assembly.fixed)
-
-
-def _bisected_tilt(assembly: Assembly, contacts: Sequence[Contact], azimuth_rad: float, friction: float) -> float:
-    low, high = 0.0, np.pi / 2
-    while high - low > np.deg2rad(0.01):
-        middle = 0.5 * (low + high)
-        stands = solve_case(assembly, contacts, case_at(assembly, middle, azimuth_rad), friction).result.stands
-        low, high = (middle, high) if stands else (low, middle)
-    return low
 
 
 @dataclass(frozen=True, eq=False)
