@@ -34,6 +34,7 @@ class Geom:
         points: (k, 3) world coordinates, metres.
         size: radius of a sphere; half edges (3,) of a box.
         rotation: (3, 3) columns are a box's axes.
+        role: 'any' obeys the model's pairs; a 'point' meets the 'face' of every other part, and nothing else.
     """
 
     part: int
@@ -41,6 +42,7 @@ class Geom:
     points: Array
     size: Array
     rotation: Array
+    role: Literal["any", "point", "face"] = "any"
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +95,8 @@ def facets(assembly: Assembly, contacts: Sequence[Contact], resolution: int = 12
             frame = _frame(normal)
             half = np.array([0.1 * rays.reach, 0.1 * rays.reach, radius])
             pairs.append((len(geoms), len(geoms) + 1))
-            geoms.append(_geom(rays.pair[0], "box", point - radius * normal, half, frame))
-            geoms.append(_geom(rays.pair[1], "sphere", point + radius * normal, np.array([radius, 0.0, 0.0])))
+            geoms.append(geom(rays.pair[0], "box", point - radius * normal, half, frame))
+            geoms.append(geom(rays.pair[1], "sphere", point + radius * normal, np.array([radius, 0.0, 0.0])))
     return ContactModel(tuple(geoms), tuple(pairs))
 
 
@@ -111,14 +113,20 @@ def contact_model(assembly: Assembly, contacts: Sequence[Contact], friction: flo
 def _prism(part: int, ring: Array, thickness: float) -> Geom:
     corners = np.concatenate([embed(ring), embed(ring)])
     corners[: len(ring), 1], corners[len(ring) :, 1] = -0.5 * thickness, 0.5 * thickness
-    return _geom(part, "convex", corners, np.zeros(3))
+    return geom(part, "convex", corners, np.zeros(3))
 
 
-def _geom(
-    part: int, kind: Literal["convex", "sphere", "box"], points: Array, size: Array, rotation: Array | None = None
+def geom(
+    part: int,
+    kind: Literal["convex", "sphere", "box"],
+    points: Array,
+    size: Array,
+    rotation: Array | None = None,
+    role: Literal["any", "point", "face"] = "any",
 ) -> Geom:
+    """Return a shape with read-only arrays; `rotation` defaults to the world's axes."""
     frame = np.eye(3) if rotation is None else rotation
-    return Geom(part, kind, read_only(np.atleast_2d(points)), read_only(size), read_only(frame))
+    return Geom(part, kind, read_only(np.atleast_2d(points)), read_only(size), read_only(frame), role)
 
 
 def _frame(normal: Array) -> Array:
@@ -130,4 +138,4 @@ def _frame(normal: Array) -> Array:
     return np.stack([x, np.cross(normal, x), normal], axis=1)
 
 
-__all__ = ["ContactModel", "Geom", "Rays", "contact_model", "embed", "facets", "pieces"]
+__all__ = ["ContactModel", "Geom", "Rays", "contact_model", "embed", "facets", "geom", "pieces"]

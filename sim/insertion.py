@@ -19,14 +19,16 @@ import numpy as np
 import shapely
 
 from mocca_robot.assembly import Array, Assembly, BoolArray, Polygon
-from mocca_robot.contacts import to_shapely
-from sim.contact_model import ContactModel, contact_model, pieces
+from mocca_robot.contacts import Contact, to_shapely
+from mocca_robot.errors import InputError
+from sim.contact_model import ContactModel, pieces
 from sim.directions import Direction, InsertionCone
 from sim.heard import heard
 from sim.inertia import inertia
 from sim.motion import reach, step_failure
 from sim.scene import Compiled, Hand, Scene, compile_scene
 from sim.settings import settings_for
+from sim.solid_pieces import solid_pieces
 
 
 @dataclass(frozen=True)
@@ -127,10 +129,10 @@ class InsertionScene:
 
 def insertion_scene(
     assembly: Assembly,
-    model: ContactModel,
+    contacts: Sequence[Contact],
     cone: InsertionCone,
-    contact_polygons: Sequence[Array],
     *,
+    flat: ContactModel | None = None,
     clearance: float = 0.0,
     below: str = "held",
     friction: float = 0.0,
@@ -138,11 +140,11 @@ def insertion_scene(
 ) -> InsertionScene:
     """Return the scene in which part `cone.part` goes in on top of all earlier ones.
 
-    `contact_polygons` are the part's contacts with earlier parts, one (k, d) each.
+    `flat` are the convex pieces of a flat assembly, when they are already at hand. `below` is 'held' or 'free'.
     """
     index = cone.part
-    if clearance > 0.0:
-        model = with_clearance(assembly, model, index, clearance)
+    model = insertion_model(assembly, contacts, index, clearance, flat)
+    polygons = [c.polygon for c in contacts if c.parts[1] == index]
     present = np.arange(len(assembly.parts)) <= index
     held = np.arange(len(assembly.parts)) < index if below == "held" else assembly.fixed
     weight = assembly.parts[index].mass * float(np.linalg.norm(assembly.gravity))
@@ -158,17 +160,22 @@ def insertion_scene(
         settings,
         Hand(index, stiffness, stiffness * far**2),
     )
-    return InsertionScene(compile_scene(scene), cone, clearance, below, tuple(contact_polygons))
+    return InsertionScene(compile_scene(scene), cone, clearance, below, (np.concatenate(polygons),) if polygons else ())
 
 
 def with_clearance(assembly: Assembly, model: ContactModel, part: int, clearance: float) -> ContactModel:
-    """Return the model with `part` made smaller by `clearance` all around. The other parts keep their size."""
-    shape = assembly.parts[part].shape
-    if not isinstance(shape, Polygon):
-        from sim.solid_pieces import shrunk
+    """Return a flat model with `part` made smaller by `clearance` all around. The other parts keep their size.
 
-        return shrunk(assembly, model, part, clearance)
+    Raises InputError when nothing of the part is left.
+    """
+    shape = assembly.parts[part].shape
+    assert isinstance(shape, Polygon)
     smaller = shapely.buffer(to_shapely(shape), -clearance, join_style="mitre", mitre_limit=2.0)
+    if smaller.is_empty:
+        raise InputError(
+            f"Nothing of part '{assembly.parts[part].name}' is left with {clearance * 1e3:.3g} mm of clearance; "
+            "ask for less."
+        )
     largest = max(shapely.get_parts(smaller), key=shapely.area)
     rings = [shapely.get_coordinates(r)[:-1] for r in (largest.exterior, *largest.interiors)]
     lone = replace(assembly.parts[part], shape=Polygon(rings[0], tuple(rings[1:]), shape.thickness))
@@ -395,10 +402,11 @@ def _nearby(assembly: Assembly, part: int, present: BoolArray) -> BoolArray:
     return np.asarray(present & near)
 
 
-def insertion_model(assembly: Assembly, contacts: Sequence[Any]) -> ContactModel:
-    """Return the contact model that stays true while a part travels."""
-    if assembly.dimension == 2:
-        return contact_model(assembly, contacts)
-    from sim.solid_pieces import solid_pieces
-
-    return solid_pieces(assembly, contacts)
+def insertion_model(
+    assembly: Assembly, contacts: Sequence[Contact], part: int, clearance: float, flat: ContactModel | None = None
+) -> ContactModel:
+    """Return the contact model that stays true while `part`, smaller by `clearance`, travels."""
+    if assembly.dimension == 3:
+        return solid_pieces(assembly, contacts, part, clearance)
+    model = pieces(assembly) if flat is None else flat
+    return with_clearance(assembly, model, part, clearance) if clearance > 0.0 else model

@@ -14,9 +14,9 @@ from scipy.stats import norm
 from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import Contact
 from mocca_robot.errors import InputError
-from sim.contact_model import contact_model
+from sim.contact_model import contact_model, pieces
 from sim.directions import Direction, insertion_cone
-from sim.insertion import HandOptions, PlacingError, insert, insertion_model, insertion_scene
+from sim.insertion import HandOptions, PlacingError, insert, insertion_scene
 from sim.stability import free_scene, stability
 from sim.trial_store import Row, Trial
 
@@ -131,19 +131,16 @@ def robust_trial(
     if not found.stands:
         return {**row, "failure": f"structure {found.verdict}: {found.reason}", "kind": f"structure {found.verdict}"}
     if options.insert:
-        model = insertion_model(drawn, contacts)
+        flat = pieces(drawn) if drawn.dimension == 2 else None
         for index, part in enumerate(drawn.parts):
             if part.fixed:
                 continue
             cone = insertion_cone(drawn, contacts, index, ways.get(part.name))
-            polygons = [c.polygon for c in contacts if c.parts[1] == index]
             error = PlacingError(
                 tuple(options.shift * rng.standard_normal(drawn.dimension - 1)),
                 float(options.turn * rng.standard_normal()),
             )
-            ready = insertion_scene(
-                drawn, model, cone, [np.concatenate(polygons)], clearance=clearance, friction=friction
-            )
+            ready = insertion_scene(drawn, contacts, cone, flat=flat, clearance=clearance, friction=friction)
             trial = insert(ready, Direction("axis", cone.axis), error=error, hand=HandOptions())
             if not trial.succeeded:
                 return {**row, "failure": f"{part.name}: {trial.reason}", "kind": f"insertion of {part.name}"}

@@ -93,7 +93,7 @@ def predict(scene: Scene) -> SizePrediction:
     """Return the size of the model that `scene` will become."""
     model = scene.contact_model.only(scene.present)
     convex = sum(g.kind == "convex" for g in model.geoms)
-    contacts = len(model.pairs) if model.pairs is not None else 8 * convex
+    contacts = (len(model.pairs) if model.pairs is not None else 0) + 8 * convex
     dofs = scene.assembly.dof * int(scene.free.sum())
     # Per contact: 0.6 kB of itself, condim rows over two bodies; per body the sparse factor's fill.
     rows = contacts * scene.settings.condim
@@ -235,8 +235,9 @@ def _geom(out: Any, scene: Scene, body: Any, number: int, geom: Geom) -> str:
         "solref": s.solref,
         "solimp": s.solimp,
     }
-    if scene.contact_model.pairs is not None:
-        common |= {"contype": 0, "conaffinity": 0}
+    if geom.role != "any" or scene.contact_model.pairs is not None:
+        contype, conaffinity = {"any": (0, 0), "point": (2, 4), "face": (4, 2)}[geom.role]
+        common |= {"contype": contype, "conaffinity": conaffinity}
     if geom.kind == "convex":
         mesh = out.add_mesh(name=name)
         mesh.uservert = (geom.points - centre).ravel()

@@ -16,14 +16,13 @@ from mocca_robot.errors import InputError, nearest
 from mocca_robot.loads import LoadCase, state_cases
 from mocca_robot.statics import Status
 from mocca_robot.verify import solve_case
-from sim.contact_model import ContactModel, contact_model
+from sim.contact_model import ContactModel, contact_model, pieces
 from sim.directions import Direction, InsertionCone, directions, insertion_cone
 from sim.insertion import (
     HandOptions,
     InsertionTrial,
     PlacingError,
     insert,
-    insertion_model,
     insertion_scene,
 )
 from sim.robust import RobustOptions, RobustReport, robust_report, robust_trials
@@ -244,7 +243,7 @@ class _Work:
         return self._finished(replace(so_far, tilt=tuple(_restored(TiltReport, r) for r in rows)), complete)
 
     def insertion(self, so_far: Simulation) -> Simulation:
-        model = insertion_model(self.assembly, self.contacts)
+        flat = pieces(self.assembly) if self.assembly.dimension == 2 else None
         trials: list[Trial] = []
         cones: list[ConeSummary] = []
         notes: list[str] = []
@@ -264,7 +263,7 @@ class _Work:
                 notes.append(f"'{part.name}' is inserted with the earlier parts held: without support they fall")
             trials += [
                 Trial(f"insert {part.name}", ("insert", *self.identity, *what), find_out)
-                for what, find_out in self._insertion_groups(model, cone, standing[index])
+                for what, find_out in self._insertion_groups(flat, cone, standing[index])
             ]
         rows, complete = self._rows(trials)
         found = tuple(_restored(InsertionTrial, t) for row in rows for t in row["trials"])
@@ -277,14 +276,12 @@ class _Work:
         return self._finished(replace(so_far, robust=robust_report(rows, self.ask.robust)), complete)
 
     def _insertion_groups(
-        self, model: ContactModel, cone: InsertionCone, below_stands: bool
+        self, flat: ContactModel | None, cone: InsertionCone, below_stands: bool
     ) -> list[tuple[tuple[Any, ...], Callable[[], Row]]]:
         """Return (content, function) per compiled scene: one scene serves many directions and errors."""
         groups: list[tuple[tuple[Any, ...], Callable[[], Row]]] = []
         ways = directions(cone, self.ask.directions)
         telling = tuple(w for w in ways if w.kind in ("axis", "rim"))
-        polygons = [c.polygon for c in self.contacts if c.parts[1] == cone.part]
-        points = [np.concatenate(polygons)] if polygons else []
         # Negative controls only without clearance: with play, 3° outside may truly go in.
         runs: list[tuple[float, str, tuple[Direction, ...], tuple[PlacingError, ...]]]
         runs = [(c, "held", telling, ()) for c in self.ask.clearances if c > 0.0]
@@ -293,15 +290,14 @@ class _Work:
             runs.append((0.0, "free", telling, ()))
         for clearance, below, tried, errors in runs:
             content = (cone.part, [w.vector for w in tried], clearance, below, errors, self.ask.hand, self.ask.friction)
-            find_out = partial(self._inserted, model, cone, points, clearance, below, tried, errors)
+            find_out = partial(self._inserted, flat, cone, clearance, below, tried, errors)
             groups.append((content, find_out))
         return groups
 
     def _inserted(
         self,
-        model: ContactModel,
+        flat: ContactModel | None,
         cone: InsertionCone,
-        points: Sequence[Array],
         clearance: float,
         below: str,
         tried: Sequence[Direction],
@@ -309,9 +305,9 @@ class _Work:
     ) -> Row:
         ready = insertion_scene(
             self.assembly,
-            model,
+            self.contacts,
             cone,
-            points,
+            flat=flat,
             clearance=clearance,
             below=below,
             friction=self.ask.friction,

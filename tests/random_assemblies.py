@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import shapely
 
@@ -49,7 +51,7 @@ def _wall(rng: np.random.Generator) -> list[Part]:
     parts = [Part("base", Polygon(np.array([[left[0], low], [right[0], low], right, left])), fixed=True)]
     for k in range(courses):
         cuts = [0.0, width, 2 * width] if k % 2 == 0 else [0.0, width / 2, 1.5 * width, 2 * width]
-        for x0, x1 in zip(cuts[:-1], cuts[1:], strict=True):
+        for x0, x1 in itertools.pairwise(cuts):
             y0, y1 = k * height, (k + 1) * height
             corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
             parts.append(Part(f"p{len(parts)}", Polygon(corners @ turn.T)))

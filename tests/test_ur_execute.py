@@ -130,7 +130,7 @@ def test_unsafe_plan_gives_a_dry_run_with_reasons_and_is_never_sent(tmp_path: Pa
 
 
 def plan_of(raw: dict[str, object]):  # type: ignore[no-untyped-def]
-    from mocca_robot.ur.plan import plan_from_document
+    from mocca_robot.ur.plan_reader import plan_from_document
 
     return plan_from_document(raw)
 

@@ -17,7 +17,8 @@ from mocca_robot.errors import InputError
 from mocca_robot.ur.checks import findings, require_sound
 from mocca_robot.ur.dry_run import dry_run
 from mocca_robot.ur.limits import HARD_CAPS, Limits
-from mocca_robot.ur.plan import document, file_sha256, plan_from_document, read_plan, write_plan
+from mocca_robot.ur.plan import document, write_plan
+from mocca_robot.ur.plan_reader import file_sha256, plan_from_document, read_plan
 
 PLAN = small_plan(2)
 DOCUMENT = document(PLAN)

@@ -1,0 +1,106 @@
+"""What collides while a solid part travels into its seat: points of its joints against faces of its neighbours'.
+
+Small spheres sit just inside the driven part at the corners of its contact facets; each facet of the earlier parts
+is a thin prism that reaches into the material. Prisms share corners offset along mean normals, so that none sticks
+out at a ridge. Coplanar facets that make one convex polygon become one prism: flat contacts cost next to nothing,
+curved ones as much as their curvature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from mocca_robot.assembly import Array, Assembly
+from mocca_robot.contacts import Contact
+from sim.contact_model import ContactModel, Geom, facets, geom
+
+RADIUS = 0.01
+"""Of the spheres, relative to the size of the part's contact region."""
+DEPTH = 0.05
+"""Of the prisms, relative to the same."""
+
+
+def solid_pieces(assembly: Assembly, contacts: Sequence[Contact], part: int, clearance: float = 0.0) -> ContactModel:
+    """Return the model for driving `part`, made smaller by `clearance` (m): its points against earlier faces.
+
+    The earlier parts carry each other by facet pairs, for when they are left free.
+    """
+    mine = merged([c for c in contacts if c.parts[1] == part])
+    others = facets(assembly, [c for c in contacts if c.parts[1] < part])
+    if not mine:
+        return others
+    corners = np.concatenate([c.polygon for c in mine])
+    reach = float(np.linalg.norm(np.ptp(corners, axis=0)))
+    radius, depth = RADIUS * reach, DEPTH * reach
+    geoms: list[Geom] = list(others.geoms)
+    for point, inward in zip(*_mean_normals(mine, reach)):
+        centre = point + (radius + clearance) * inward
+        geoms.append(geom(part, "sphere", centre, np.array([radius, 0.0, 0.0]), role="point"))
+    for earlier in sorted({c.parts[0] for c in mine}):
+        theirs = [c for c in mine if c.parts[0] == earlier]
+        points, inward = _mean_normals(theirs, reach)
+        below = {_key(p, reach): p - depth * n for p, n in zip(points, inward)}
+        for contact in theirs:
+            lower = np.array([below[_key(p, reach)] for p in contact.polygon])
+            geoms.append(geom(earlier, "convex", np.concatenate([contact.polygon, lower]), np.zeros(3), role="face"))
+    return ContactModel(tuple(geoms), others.pairs or ())
+
+
+def merged(contacts: Sequence[Contact], tolerance: float = 1e-6) -> tuple[Contact, ...]:
+    """Return the contacts with coplanar ones of a pair in one, where together they fill a convex polygon."""
+    groups: dict[tuple[object, ...], list[Contact]] = {}
+    for contact in contacts:
+        size = float(np.ptp(contact.polygon, axis=0).max())
+        plane = (
+            tuple(np.round(contact.normal / 1e-5).astype(int)),
+            round(float(contact.centre @ contact.normal) / (1e-4 * size)),
+        )
+        groups.setdefault((contact.parts, plane), []).append(contact)
+    out: list[Contact] = []
+    for group in groups.values():
+        hull = _hull(group)
+        area = sum(c.measure for c in group)
+        whole = None if hull is None else Contact(group[0].parts, hull, group[0].normal)
+        if len(group) > 1 and whole is not None and whole.measure <= area * (1.0 + tolerance):
+            out.append(whole)
+        else:
+            out.extend(group)
+    return tuple(out)
+
+
+def _hull(group: Sequence[Contact]) -> Array | None:
+    points = np.concatenate([c.polygon for c in group])
+    normal = group[0].normal
+    seed = np.eye(3)[np.abs(normal).argmin()]
+    x = np.cross(seed, normal) / np.linalg.norm(np.cross(seed, normal))
+    flat = np.stack([points @ x, points @ np.cross(normal, x)], axis=1)
+    try:
+        return np.asarray(points[ConvexHull(flat).vertices])
+    except QhullError:
+        return None
+
+
+def _mean_normals(contacts: Sequence[Contact], reach: float) -> tuple[Array, Array]:
+    """Return the distinct corners (m, 3) and, for each, a vector into the later part that is at least 1 deep.
+
+    Deep means measured along the normal of every facet that meets there.
+    """
+    found: dict[tuple[int, ...], tuple[Array, list[Array]]] = {}
+    for contact in contacts:
+        for point in contact.polygon:
+            found.setdefault(_key(point, reach), (point, []))[1].append(contact.normal)
+    points, inward = [], []
+    for point, normals in found.values():
+        mean = np.sum(np.unique(np.round(normals, 6), axis=0), axis=0)
+        mean /= max(float(np.linalg.norm(mean)), 1e-9)
+        least = float((np.array(normals) @ mean).min())
+        points.append(point)
+        inward.append(mean / max(least, 0.2))
+    return np.array(points), np.array(inward)
+
+
+def _key(point: Array, reach: float) -> tuple[int, ...]:
+    return tuple(int(k) for k in np.round(point / (1e-6 * reach)))

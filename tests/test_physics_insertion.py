@@ -1,0 +1,140 @@
+"""Insertion: nothing jams inside the cone, nothing passes outside, and the hand's errors cost what its springs say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from physics_models import WIDTH, box_stack_3d, jointed, stack
+
+from mocca_robot.assembly import Assembly, Mesh, Part
+from mocca_robot.contacts import Contact, find_contacts
+from mocca_robot.errors import InputError
+from sim.directions import OUTSIDE, directions, insertion_cone
+from sim.insertion import HandOptions, PlacingError, insert, insertion_scene
+
+
+def ridge() -> tuple[Assembly, tuple[Contact, ...]]:
+    """Return a block with a roof-shaped underside on a matching ridge, 45° on both sides, along y."""
+    import trimesh
+
+    w = WIDTH
+
+    def prism(profile: list[tuple[float, float]]) -> Mesh:
+        front = np.array([(x, 0.0, z) for x, z in profile])
+        mesh = trimesh.convex.convex_hull(np.concatenate([front, front + np.array([0, w, 0])]))
+        return Mesh(mesh.vertices, mesh.faces)
+
+    base = Part("base", prism([(0, 0), (w, 0), (w / 2, w / 2)]), fixed=True)
+    n = np.sqrt(0.5)
+    left = np.array([[0, 0, 0], [w / 2, 0, w / 2], [w / 2, w, w / 2], [0, w, 0]])
+    right = np.array([[w, w, 0], [w / 2, w, w / 2], [w / 2, 0, w / 2], [w, 0, 0]])
+    top_left = prism([(0, 0), (w / 2, w / 2), (w / 2, w), (0, w)])
+    top_right = prism([(w, 0), (w / 2, w / 2), (w / 2, w), (w, w)])
+    both = trimesh.util.concatenate([trimesh.Trimesh(m.vertices, m.faces) for m in (top_left, top_right)])
+    saddle = Part("saddle", Mesh(both.vertices, both.faces))
+    contacts = (Contact((0, 1), left, np.array([-n, 0, n]), 0), Contact((0, 1), right, np.array([n, 0, n]), 1))
+    return Assembly("ridge", (base, saddle)), contacts
+
+
+def trials(assembly, contacts, count=9, **scene):
+    for index, part in enumerate(assembly.parts):
+        if part.fixed:
+            continue
+        cone = insertion_cone(assembly, contacts, index)
+        ready = insertion_scene(assembly, contacts, cone, **scene)
+        for way in directions(cone, count):
+            yield insert(ready, way)
+
+
+@pytest.mark.parametrize(("height", "lean"), [(0.2, 0.1), (-0.25, 0.0)])
+def test_inside_the_cone_all_succeed_and_outside_none(height, lean):
+    assembly, contacts = jointed(stack(2), height, lean)
+    found = list(trials(assembly, contacts))
+    inside, outside = [t for t in found if t.kind != "outside"], [t for t in found if t.kind == "outside"]
+    assert {"axis", "rim", "interior"} <= {t.kind for t in inside} and len(outside) == 4
+    assert all(t.succeeded for t in inside), [t.reason for t in inside]
+    assert not any(t.succeeded for t in outside)
+    assert max(t.peak_force / t.allowed_force for t in inside) < 0.05
+
+
+@pytest.mark.parametrize("clearance", [1e-4, 3e-4])
+def test_play_frees_the_part_entirely(clearance):
+    assembly, contacts = jointed(stack(2))
+    inside = [t for t in trials(assembly, contacts, 4, clearance=clearance) if t.kind != "outside"]
+    assert all(t.succeeded and t.peak_force == 0.0 for t in inside)
+
+
+@pytest.mark.parametrize("error", [PlacingError((5e-4,)), PlacingError((-5e-4,)), PlacingError((), np.deg2rad(1.0))])
+def test_the_grips_error_costs_no_more_than_its_springs(error):
+    assembly, contacts = jointed(stack(1))
+    cone = insertion_cone(assembly, contacts, 1)
+    found = insert(insertion_scene(assembly, contacts, cone), directions(cone, 1)[0], error=error)
+    assert found.succeeded, found.reason
+    assert found.peak_force > 0.1 * found.allowed_force
+
+
+def test_parts_below_that_are_free_stay_where_they_are():
+    assembly, contacts = jointed(stack(3))
+    cone = insertion_cone(assembly, contacts, 3)
+    ready = insertion_scene(assembly, contacts, cone, below="free")
+    inside = [insert(ready, way) for way in directions(cone, 3) if way.kind != "outside"]
+    assert all(t.succeeded and t.below == "free" and not t.moved_below for t in inside)
+
+
+def test_a_part_driven_from_outside_pushes_free_parts_away():
+    assembly, contacts = jointed(stack(2), 0.3)
+    cone = insertion_cone(assembly, contacts, 2)
+    ready = insertion_scene(assembly, contacts, cone, below="free")
+    assert not any(insert(ready, way).succeeded for way in directions(cone, 1) if way.kind == "outside")
+
+
+def test_negative_controls_lie_exactly_outside():
+    assembly, contacts = jointed(stack(1), 0.2, 0.1)
+    cone = insertion_cone(assembly, contacts, 1)
+    for way in directions(cone, 5):
+        margin = np.arcsin((cone.normals @ -way.vector).min())
+        expected = margin <= -OUTSIDE + 1e-9 and margin > -OUTSIDE - np.deg2rad(0.2)
+        assert expected if way.kind == "outside" else margin >= -1e-9
+
+
+def test_a_blocked_part_has_no_way_inside():
+    """A block under a roof of its neighbours cannot come from below or above."""
+    assembly = stack(2)
+    contacts = find_contacts(assembly).contacts
+    closed = (*contacts, Contact((0, 1), contacts[0].polygon[::-1] + np.array([0, WIDTH]), -contacts[0].normal))
+    shut = (*closed, Contact((0, 1), np.array([[0, 0], [0, WIDTH]]), np.array([1.0, 0.0])))
+    shut = (*shut, Contact((0, 1), np.array([[WIDTH, WIDTH], [WIDTH, 0]]), np.array([-1.0, 0.0])))
+    cone = insertion_cone(assembly, shut, 1, np.array([0.6, -0.8]))
+    assert cone.realised_rad < 0
+    assert all(w.kind == "outside" for w in directions(cone, 5))
+
+
+def test_clearance_that_leaves_nothing_is_refused():
+    assembly, contacts = jointed(stack(1))
+    with pytest.raises(InputError, match="Nothing of part 'b0' is left"):
+        insertion_scene(assembly, contacts, insertion_cone(assembly, contacts, 1), clearance=0.03)
+
+
+def test_a_stiffer_hand_pushes_harder_outside():
+    assembly, contacts = jointed(stack(1))
+    cone = insertion_cone(assembly, contacts, 1)
+    way = next(w for w in directions(cone, 1) if w.kind == "outside")
+    forces = []
+    for stiffness in (300.0, 1250.0):
+        hand = HandOptions(stiffness=stiffness, weight_share=1e3)
+        forces.append(insert(insertion_scene(assembly, contacts, cone, hand=hand), way, hand=hand).peak_force)
+    assert forces[0] < forces[1]
+
+
+@pytest.mark.parametrize("model", [ridge, lambda: box_stack_3d(2)])
+def test_solids_go_in_inside_their_cone_only(model):
+    assembly, contacts = model()
+    found = list(trials(assembly, contacts, 13))
+    inside, outside = [t for t in found if t.kind != "outside"], [t for t in found if t.kind == "outside"]
+    assert all(t.succeeded for t in inside), [t.reason for t in inside if not t.succeeded]
+    assert outside and not any(t.succeeded for t in outside)
+
+
+def test_the_ridges_cone_is_45_degrees_wide():
+    assembly, contacts = ridge()
+    assert insertion_cone(assembly, contacts, 1).realised_rad == pytest.approx(np.pi / 4)
