@@ -1,8 +1,8 @@
 """Contacts between polyhedra: where flat faces of two parts share an area.
 
-Two roads lead to a contact. Triangles that both meshes have in common (three equal corners, opposite sense) are
-contacts as they stand: that is how built joints arrive, hundreds of triangles each. All other faces are compared
-as facets: antiparallel, in one plane, and overlapping there by an area that is computed in the plane.
+Two roads lead to a contact. Facets whose triangles both meshes have in common (equal corners, opposite sense) are
+contacts as they stand: that is how built joints arrive, hundreds of triangles each. All other facets are compared
+in pairs: antiparallel, in one plane, and overlapping there by an area that is computed in the plane.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def find_contacts_3d(assembly: Assembly, tolerances: Tolerances = TOLERANCES) ->
     meshes = [p.shape for p in assembly.parts if isinstance(p.shape, Mesh)]
     size = assembly.size
     faces = facets(meshes, tolerances.contact_gap * size)
-    found, spent = _shared_triangles(faces)
+    found, spent = _shared_facets(faces, tolerances.contact_gap * size)
     flat, misses = _facet_overlaps(faces, spent, tolerances, size)
     found += flat
     found.sort(key=lambda f: f[:3])
@@ -54,29 +54,40 @@ def find_contacts_3d(assembly: Assembly, tolerances: Tolerances = TOLERANCES) ->
     return ContactReport(tuple(contacts), tuple(near), overlaps)
 
 
-def _shared_triangles(faces: FacetSet) -> tuple[list[Found], BoolArray]:
-    """Return a contact per triangle that two parts share exactly, and (F,) which facets that used up.
+def _shared_facets(faces: FacetSet, gap: float) -> tuple[list[Found], BoolArray]:
+    """Return the contacts where two parts have the same triangles, and (F,) which facets that used up.
 
-    Only facets of a single triangle on one side at least: larger ones give larger polygons as facets.
+    Whole facets that consist of the same triangles become one contact each. Of the others, those of a single
+    triangle do; larger ones are left to be compared as polygons.
     """
     ids = np.sort(faces.triangles, axis=1)
     order = np.lexsort((faces.part, ids[:, 2], ids[:, 1], ids[:, 0]))
     same = (ids[order][1:] == ids[order][:-1]).all(axis=1)
     a, b = order[:-1][same], order[1:][same]
-    single = (faces.count[faces.facet[a]] == 1) | (faces.count[faces.facet[b]] == 1)
     opposite = np.einsum("ij,ij->i", faces.triangle_normals[a], faces.triangle_normals[b]) < 0
-    keep = single & opposite & (faces.part[a] != faces.part[b])
+    keep = opposite & (faces.part[a] != faces.part[b])
     a, b = a[keep], b[keep]
+    mine, theirs = faces.facet[a], faces.facet[b]
+    pairs, which, shared = np.unique(mine * len(faces.count) + theirs, return_inverse=True, return_counts=True)
+    whole = (shared == faces.count[pairs // len(faces.count)]) & (shared == faces.count[pairs % len(faces.count)])
+    single = (faces.count[mine] == 1) | (faces.count[theirs] == 1)
     spent = np.zeros(len(faces.count), dtype=np.bool_)
-    for side in (a, b):
-        mine = faces.facet[side]
-        spent[mine[faces.count[mine] == 1]] = True
-    corners, normals = faces.vertices[faces.triangles[a]], faces.triangle_normals[a]
-    parts = np.stack([faces.part[a], faces.part[b]], axis=1).tolist()
-    facet = faces.facet[a].tolist()
-    found: list[Found] = [
-        (i, j, f, corner, (), normal) for (i, j), f, corner, normal in zip(parts, facet, corners, normals)
-    ]
+    spent[pairs[whole] // len(faces.count)] = True
+    spent[pairs[whole] % len(faces.count)] = True
+    for facet in (mine[single], theirs[single]):
+        spent[facet[faces.count[facet] == 1]] = True
+    found: list[Found] = []
+    for t, u in zip(a[single], b[single]):
+        corners, normal = faces.vertices[faces.triangles[t]], faces.triangle_normals[t]
+        found.append((int(faces.part[t]), int(faces.part[u]), int(faces.facet[t]), corners, (), normal))
+    for facet, other in zip(*np.divmod(pairs[whole & (shared > 1)], len(faces.count))):
+        loops = [faces.vertices[loop] for loop in faces.loops(int(facet))]
+        loops.sort(
+            key=lambda loop: -float(np.linalg.norm(np.cross(loop - loop[0], np.roll(loop, -1, 0) - loop[0]).sum(0)))
+        )
+        outer, *holes = (_without_straight_corners(loop, gap) for loop in loops)
+        i, j = int(faces.facet_part[facet]), int(faces.facet_part[other])
+        found.append((i, j, int(facet), outer, tuple(holes), faces.normals[facet]))
     return found, spent
 
 
@@ -221,8 +232,11 @@ def _exact_loop(mine: _Plane, other: _Plane, moved: Array, loop: Array, gap: flo
     snapped = distance[np.arange(len(loop)), nearest] <= 2 * gap
     points = np.where(snapped[:, None], space[nearest], mine.lifted(loop))
     points = points[np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1) > gap]
-    if len(points) < 3:
-        return points
+    return _without_straight_corners(points, gap) if len(points) >= 3 else points
+
+
+def _without_straight_corners(points: Array, gap: float) -> Array:
+    """Return a loop (m, 3) without the corners that lie on the straight line between their neighbours."""
     before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
     sine = np.linalg.norm(np.cross(before, after), axis=1)
     chord = np.linalg.norm(before + after, axis=1)
