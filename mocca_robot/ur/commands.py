@@ -71,7 +71,7 @@ def add_fake_ur_options(parser: argparse.ArgumentParser) -> None:
 def run_execute(args: argparse.Namespace) -> int:
     """Run `execute`: a dry run, or an execution on a robot."""
     from mocca_robot.ur.journal import next_step, read_journal
-    from mocca_robot.ur.plan import read_plan
+    from mocca_robot.ur.plan_reader import read_plan
 
     if args.robot is None and args.confirm is not None:
         raise InputError("--confirm names a robot, but --robot does not say where it is. Give both, or neither.")
@@ -213,7 +213,7 @@ def _silent(event: ExecutionEvent) -> None:
 def run_fake_ur(args: argparse.Namespace) -> int:
     """Run `fake-ur` until Ctrl-C."""
     from mocca_robot.ur.fake.controller import FakeController, serve
-    from mocca_robot.ur.plan import read_plan
+    from mocca_robot.ur.plan_reader import read_plan
 
     plan = read_plan(args.plan) if args.plan is not None else None
     controller = FakeController(plan, args.model, args.fault, args.speedup, args.serial)
@@ -234,7 +234,7 @@ def run_fake_ur(args: argparse.Namespace) -> int:
 
 def export_urscript(plan_file: Path, output: Path, design: Path | None = None) -> Path:
     """Write `plan_file` as a stand-alone URScript program and return where; InputError when the plan is not sound."""
-    from mocca_robot.ur.plan import read_plan
+    from mocca_robot.ur.plan_reader import read_plan
     from mocca_robot.ur.urscript import urscript
 
     text = urscript(read_plan(plan_file, design))

@@ -19,13 +19,14 @@ from mocca_robot.ur import dashboard
 from mocca_robot.ur.checks import require_sound
 from mocca_robot.ur.frames import frame_along
 from mocca_robot.ur.gripper import Grip, Gripper, GripperLost, connect
+from mocca_robot.ur.guards import PushGuard, arrived, check_forces, check_path, check_start
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.link import Link, LinkLost
 from mocca_robot.ur.models import robot_model
-from mocca_robot.ur.monitor import CONNECT_S, CYCLE_S, STILL_RAD_S, Monitor
+from mocca_robot.ur.monitor import CONNECT_S, CYCLE_S, Monitor
 from mocca_robot.ur.owner import RobotLock
 from mocca_robot.ur.plan import Plan, Waypoint
-from mocca_robot.ur.pose import Three, angle_rad, distance_m
+from mocca_robot.ur.pose import Three, distance_m
 from mocca_robot.ur.preflight import blocking_findings, require_robot
 from mocca_robot.ur.status import ArmState, ExecutionStatus, Outcome
 from mocca_robot.ur.supervision import Stopped
@@ -33,14 +34,7 @@ from mocca_robot.ur.supervision import Stopped
 CALL_S = 1.0
 """A command of the control script answers within a few cycles; a second means that nobody is there."""
 DECELERATION_M_S2 = 2.0
-DECELERATION_RAD_S2 = 2.0
 LEAD_IN_S = 0.5
-LATERAL_M = 0.005
-"""A part that drifts farther sideways while it is pushed has left its joint."""
-BEYOND_M = 0.003
-PUSH_GRACE_S = 0.3
-"""Force mode needs a moment to get going; standing still before that is no jam."""
-STALL_S = 1.0
 SERVO_GAIN = 300.0
 SERVO_LOOKAHEAD_S = 0.05
 
@@ -183,20 +177,13 @@ class UrArm:
         waypoint = 0
         try:
             state = self._watch()
-            gap, far = float(np.abs(np.subtract(state.q, path[0].q)).max()), distance_m(state.tcp, path[0].tcp)
-            if gap > self.limits.joint_step_rad or far > self.limits.tracking_distance_m:
-                raise Stopped(
-                    ExecutionStatus.DEVIATED,
-                    f"the arm stands {1e3 * far:.1f} mm and {gap:.3f} rad from the path's first waypoint, limit "
-                    f"{1e3 * self.limits.tracking_distance_m:g} mm and {self.limits.joint_step_rad:g} rad",
-                    state,
-                )
+            check_start(state, path[0], self.limits)
             times = np.array([w.t - path[0].t for w in path])
             joints = np.array([w.q for w in path])
             places = np.array([w.tcp[:3] for w in path])
             offset = np.subtract(state.q, path[0].q)  # re-synced to where the arm really is, blended out below
             end = time.monotonic() + 1.1 * float(times[-1]) + 2.0
-            lead_in = max(LEAD_IN_S, 2.0 * far / self.limits.approach_speed_m_s)
+            lead_in = max(LEAD_IN_S, 2.0 * distance_m(state.tcp, path[0].tcp) / self.limits.approach_speed_m_s)
             last = max(float(times[-1]), lead_in)
             end += lead_in
             clock, arm_time = 0.0, state.time_s
@@ -213,9 +200,9 @@ class UrArm:
                 self._hands_call("servoJ", goal.tolist(), 0.0, 0.0, CYCLE_S, SERVO_LOOKAHEAD_S, SERVO_GAIN)
                 time.sleep(CYCLE_S)
                 state = self._watch()
-                self._check_forces(state, force_limit_n, contact_force_n)
-                self._check_path(state, trail)
-                if clock >= last and self._arrived(state, path[-1]):
+                check_forces(state, self._bias, self.limits, force_limit_n, contact_force_n)
+                check_path(state, trail, self.limits)
+                if clock >= last and arrived(state, path[-1], self.limits):
                     break
                 if time.monotonic() > end:
                     slow = f" at {state.speed_scaling:.0%} speed" if state.speed_scaling < 1.0 else ""
@@ -231,49 +218,44 @@ class UrArm:
     def push(self, axis: Array, depth_m: float, *, force_limit_n: float) -> Outcome:
         """Push along `axis` in force mode, sideways compliant, until the measured depth is reached."""
         limits = self.limits
-        depth = 0.0
+        guard: PushGuard | None = None
         try:
             start = self._watch()
-            frame = frame_along(axis, start.tcp)
+            guard = PushGuard(start, axis, depth_m, self._bias, limits)
             self._order("forceModeSetDamping", limits.force_damping)
             self._order("forceModeSetGainScaling", limits.force_gain)
             end = time.monotonic() + 1.1 * depth_m / limits.insert_speed_m_s + 2.0
-            history: deque[tuple[float, float, float]] = deque()
             speeds = [limits.insert_speed_m_s] * 3 + [limits.abort_tilt_rad] * 3
-            self._forcing = self._moving = True
             wrench = [0.0, 0.0, limits.push_force_n, 0.0, 0.0, 0.0]
-            self._hands_call("forceMode", list(frame), [1, 1, 1, 0, 0, 0], wrench, 2, speeds)
+            self._forcing = self._moving = True
+            self._hands_call("forceMode", list(frame_along(axis, start.tcp)), [1, 1, 1, 0, 0, 0], wrench, 2, speeds)
             while True:
                 time.sleep(CYCLE_S)
                 self._hands_call("kickWatchdog")
                 state = self._watch()
-                moved = np.subtract(state.tcp[:3], start.tcp[:3])
-                depth = float(moved @ axis)
-                self._check_push(state, start, moved, depth, depth_m, axis, force_limit_n)
-                if depth >= depth_m - 0.5 * limits.depth_tolerance_m:
+                if guard.check(state, force_limit_n):
                     break
-                felt = abs(float(np.subtract(state.force, self._bias)[:3] @ axis))
-                history.append((state.time_s, depth, felt))
-                self._check_jam(history, start.time_s, state)
                 if time.monotonic() > end:
                     raise Stopped(
-                        ExecutionStatus.TIMED_OUT, f"{1e3 * depth:.1f} of {1e3 * depth_m:.1f} mm in time", state
+                        ExecutionStatus.TIMED_OUT,
+                        "the planned depth was not reached in 1.1 × its duration + 2 s",
+                        state,
                     )
             self._leave_force_mode()
             self._settle(0.1)
             state = self._watch()
-            depth = float(np.subtract(state.tcp[:3], start.tcp[:3]) @ axis)
-            if depth < depth_m - limits.depth_tolerance_m:
+            if guard.measure(state) < depth_m - limits.depth_tolerance_m:
                 raise Stopped(ExecutionStatus.JAMMED, "the part sprang back after the push", state)
         except Stopped as stop:
             outcome = self._end(stop)
+            depth = guard.depth_m if guard is not None else 0.0
             detail = f"{outcome.detail} (depth {1e3 * depth:.1f} of {1e3 * depth_m:.1f} mm)"
             return Outcome(outcome.status, detail, outcome.state, None, depth, outcome.stop_observed)
         finally:
-            # `_end` has left force mode already, unless the controller or an interrupt kept it from doing so.
-            if self._forcing and self._hands is not None and self._hands.alive:
+            # Normally force mode is over here; an exception that nobody foresaw must not leave it on either.
+            if self._forcing:
                 self.stop()
-        return Outcome(ExecutionStatus.SUCCEEDED, f"depth {1e3 * depth:.2f} mm", state, None, depth)
+        return Outcome(ExecutionStatus.SUCCEEDED, f"depth {1e3 * guard.depth_m:.2f} mm", state, None, guard.depth_m)
 
     def grip(self, width_m: float, force_n: float) -> tuple[Outcome, Grip]:
         """Move the fingers while the arm stands still under supervision."""
@@ -349,66 +331,6 @@ class UrArm:
         if self._hands_call(name, *args) is not True:
             self._watch()
             raise Stopped(ExecutionStatus.PROGRAM_STOPPED, f"the controller did not obey {name}", self._monitor.last)
-
-    def _check_forces(self, state: ArmState, force_limit_n: float, contact_force_n: float | None) -> None:
-        felt = np.subtract(state.force, self._bias)
-        force, torque = float(np.linalg.norm(felt[:3])), float(np.linalg.norm(felt[3:]))
-        limit = min(force_limit_n, self.limits.abort_force_n)
-        if force > limit:
-            raise Stopped(ExecutionStatus.FORCE_LIMIT, f"{force:.1f} N, limit {limit:g} N", state)
-        if torque > self.limits.abort_torque_nm:
-            detail = f"{torque:.2f} Nm, limit {self.limits.abort_torque_nm:g} Nm"
-            raise Stopped(ExecutionStatus.FORCE_LIMIT, detail, state)
-        if contact_force_n is not None and force > contact_force_n:
-            raise Stopped(ExecutionStatus.CONTACT, f"{force:.1f} N, contact at {contact_force_n:g} N", state)
-
-    def _check_path(self, state: ArmState, trail: Sequence[Array]) -> None:
-        gap = float(np.linalg.norm(np.array(trail) - np.array(state.tcp[:3]), axis=1).min())
-        if gap > self.limits.tracking_distance_m:
-            limit = 1e3 * self.limits.tracking_distance_m
-            raise Stopped(ExecutionStatus.DEVIATED, f"{1e3 * gap:.1f} mm off the path, limit {limit:g} mm", state)
-
-    def _check_push(
-        self, state: ArmState, start: ArmState, moved: Array, depth: float, wanted: float, axis: Array, force_n: float
-    ) -> None:
-        self._check_forces(state, force_n, None)
-        tilt = angle_rad(state.tcp, start.tcp)
-        if tilt > self.limits.abort_tilt_rad:
-            detail = f"tilted by {np.degrees(tilt):.1f}°, limit {np.degrees(self.limits.abort_tilt_rad):.1f}°"
-            raise Stopped(ExecutionStatus.DEVIATED, detail, state)
-        drift = float(np.linalg.norm(moved - depth * axis))
-        if drift > LATERAL_M:
-            detail = f"{1e3 * drift:.1f} mm sideways, limit {1e3 * LATERAL_M:g} mm"
-            raise Stopped(ExecutionStatus.TRAVEL_LIMIT, detail, state)
-        if depth > wanted + BEYOND_M or depth < -BEYOND_M:
-            detail = (
-                f"{1e3 * depth:.1f} mm along the axis, allowed {-1e3 * BEYOND_M:g} to {1e3 * (wanted + BEYOND_M):.1f}"
-            )
-            raise Stopped(ExecutionStatus.TRAVEL_LIMIT, detail, state)
-
-    def _check_jam(self, history: deque[tuple[float, float, float]], began: float, state: ArmState) -> None:
-        """Jam: slower than 2 mm/s while pushing hard for 0.25 s; stall: slower than that for 1 s at any force."""
-        now = state.time_s
-        while history and history[0][0] < now - 2.0 * STALL_S:
-            history.popleft()
-        for window, force in ((self.limits.jam_time_s, self.limits.jam_force_n), (STALL_S, 0.0)):
-            if now - began < PUSH_GRACE_S + window:
-                continue
-            first = max((k for k, h in enumerate(history) if h[0] <= now - window), default=None)
-            if first is None:
-                continue
-            recent = [history[k] for k in range(first, len(history))]
-            travel, span = recent[-1][1] - recent[0][1], recent[-1][0] - recent[0][0]
-            if span > 0 and travel < self.limits.jam_speed_m_s * span and min(h[2] for h in recent) >= force:
-                detail = f"{1e3 * travel / span:.1f} mm/s at {recent[-1][2]:.1f} N for {span:.2f} s"
-                raise Stopped(ExecutionStatus.JAMMED, detail, state)
-
-    def _arrived(self, state: ArmState, goal: Waypoint) -> bool:
-        return (
-            float(np.abs(np.subtract(state.q, goal.q)).max()) <= self.limits.start_joint_rad
-            and distance_m(state.tcp, goal.tcp) <= self.limits.start_distance_m
-            and max(abs(v) for v in state.qd) < STILL_RAD_S
-        )
 
 
 def _interpolate(times: Array, values: Array, t: float) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from mocca_robot.ur.guards import STILL_RAD_S
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.link import Link, LinkLost
 from mocca_robot.ur.status import ArmState, ExecutionStatus
@@ -12,7 +13,6 @@ from mocca_robot.ur.supervision import Stopped, parse_state, program_stop, safet
 
 CYCLE_S = 0.02
 CONNECT_S = 8.0
-STILL_RAD_S = 0.01
 STILL_SAMPLES = 3
 OBSERVE_S = 1.5
 ABSENCE = 5.0
