@@ -136,7 +136,7 @@ def test_order_of_contacts_and_parts_changes_nothing(uneven: Case, friction: flo
     assert isinstance(after, EquilibriumResult)
     before = solved(uneven, friction, tilt_rad=0.1)
     assert after.infeasibility == pytest.approx(before.infeasibility, rel=1e-6)
-    assert after.motions == pytest.approx(before.motions[parts], abs=1e-6 * np.abs(before.motions).max())
+    assert after.motions == pytest.approx(before.motions[parts], abs=1e-5 * np.abs(before.motions).max())
 
 
 def test_stacked_load_cases_are_the_cases_one_by_one(uneven: Case) -> None:

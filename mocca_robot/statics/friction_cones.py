@@ -20,9 +20,11 @@ from mocca_robot.statics.interior_point import (
     NEARLY_BALANCED,
     SMALL_GAP,
     STALLED_AFTER,
-    TOLERANCE,
 )
 from mocca_robot.statics.solvers import SolverFailed
+
+TOLERANCE = 1e-9
+"""Gap to reach, relative to |w|²; stationarity and feasibility may be four times that."""
 
 
 def solve_friction_cones(blocks: PairBlocks, w: Array) -> Array:
