@@ -34,7 +34,7 @@ def find_contacts_3d(assembly: Assembly, tolerances: Tolerances = TOLERANCES) ->
     meshes = [p.shape for p in assembly.parts if isinstance(p.shape, Mesh)]
     size = assembly.size
     faces = facets(meshes, tolerances.contact_gap * size)
-    found, spent = _shared_facets(faces, tolerances.contact_gap * size)
+    found, spent, partner = _shared_facets(faces, tolerances.contact_gap * size)
     flat, misses = _facet_overlaps(faces, spent, tolerances, size)
     found += flat
     found.sort(key=lambda f: f[:3])
@@ -44,7 +44,7 @@ def find_contacts_3d(assembly: Assembly, tolerances: Tolerances = TOLERANCES) ->
         k = contacts[-1].k + 1 if again else 0
         contacts.append(Contact((i, j), read_only(outer), read_only(normal), k, tuple(read_only(h) for h in holes)))
     touching = {c.parts for c in contacts}
-    overlaps = penetrations(assembly, faces, contacts, tolerances.overlap_depth * size)
+    overlaps = penetrations(assembly, faces, partner, contacts, tolerances.overlap_depth * size)
     named = {o.parts for o in overlaps}
     near = []
     for (i, j), (gap, area) in sorted(misses.items()):
@@ -54,8 +54,9 @@ def find_contacts_3d(assembly: Assembly, tolerances: Tolerances = TOLERANCES) ->
     return ContactReport(tuple(contacts), tuple(near), overlaps)
 
 
-def _shared_facets(faces: FacetSet, gap: float) -> tuple[list[Found], BoolArray]:
-    """Return the contacts where two parts have the same triangles, and (F,) which facets that used up.
+def _shared_facets(faces: FacetSet, gap: float) -> tuple[list[Found], BoolArray, IntArray]:
+    """Return the contacts where two parts have the same triangles, (F,) which facets that used up, and (T,) the part
+    that each triangle is shared with, or −1.
 
     Whole facets that consist of the same triangles become one contact each. Of the others, those of a single
     triangle do; larger ones are left to be compared as polygons.
@@ -67,8 +68,10 @@ def _shared_facets(faces: FacetSet, gap: float) -> tuple[list[Found], BoolArray]
     opposite = np.einsum("ij,ij->i", faces.triangle_normals[a], faces.triangle_normals[b]) < 0
     keep = opposite & (faces.part[a] != faces.part[b])
     a, b = a[keep], b[keep]
+    partner = np.full(len(faces.part), -1)
+    partner[a], partner[b] = faces.part[b], faces.part[a]
     mine, theirs = faces.facet[a], faces.facet[b]
-    pairs, which, shared = np.unique(mine * len(faces.count) + theirs, return_inverse=True, return_counts=True)
+    pairs, shared = np.unique(mine * len(faces.count) + theirs, return_counts=True)
     whole = (shared == faces.count[pairs // len(faces.count)]) & (shared == faces.count[pairs % len(faces.count)])
     single = (faces.count[mine] == 1) | (faces.count[theirs] == 1)
     spent = np.zeros(len(faces.count), dtype=np.bool_)
@@ -82,13 +85,12 @@ def _shared_facets(faces: FacetSet, gap: float) -> tuple[list[Found], BoolArray]
         found.append((int(faces.part[t]), int(faces.part[u]), int(faces.facet[t]), corners, (), normal))
     for facet, other in zip(*np.divmod(pairs[whole & (shared > 1)], len(faces.count))):
         loops = [faces.vertices[loop] for loop in faces.loops(int(facet))]
-        loops.sort(
-            key=lambda loop: -float(np.linalg.norm(np.cross(loop - loop[0], np.roll(loop, -1, 0) - loop[0]).sum(0)))
-        )
+        if len(loops) > 1:
+            loops.sort(key=lambda loop: -float(np.linalg.norm(np.cross(loop, np.roll(loop, -1, axis=0)).sum(axis=0))))
         outer, *holes = (_without_straight_corners(loop, gap) for loop in loops)
         i, j = int(faces.facet_part[facet]), int(faces.facet_part[other])
         found.append((i, j, int(facet), outer, tuple(holes), faces.normals[facet]))
-    return found, spent
+    return found, spent, partner
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,8 +239,12 @@ def _exact_loop(mine: _Plane, other: _Plane, moved: Array, loop: Array, gap: flo
 
 def _without_straight_corners(points: Array, gap: float) -> Array:
     """Return a loop (m, 3) without the corners that lie on the straight line between their neighbours."""
-    before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
-    sine = np.linalg.norm(np.cross(before, after), axis=1)
+    after = np.concatenate([points[1:], points[:1]]) - points
+    before = np.concatenate([after[-1:], after[:-1]])
+    # |a × b|² = |a|²|b|² − (a·b)² would cancel; written out because np.cross is slow on short loops.
+    x, y, z = before.T
+    u, v, w = after.T
+    sine = np.sqrt((y * w - z * v) ** 2 + (z * u - x * w) ** 2 + (x * v - y * u) ** 2)
     chord = np.linalg.norm(before + after, axis=1)
     straight = (sine <= 1e-2 * gap * chord) & (np.einsum("ij,ij->i", before, after) > 0)
     return np.asarray(points[~straight])

@@ -16,11 +16,14 @@ if TYPE_CHECKING:
     import manifold3d
 
 
-def penetrations(assembly: Assembly, faces: FacetSet, contacts: Sequence[Contact], depth: float) -> tuple[Overlap, ...]:
+def penetrations(
+    assembly: Assembly, faces: FacetSet, partner: IntArray, contacts: Sequence[Contact], depth: float
+) -> tuple[Overlap, ...]:
     """Return the pairs of parts that penetrate deeper than `depth` (metres).
 
-    Most pairs are told apart by a plane: that of a contact, or of a face of either part. Only the others are
-    intersected as solids.
+    Most pairs are told apart by a plane: that of a contact, or of a face of either part, or, for built joints, the
+    plane that has all triangles on its two sides but those that the parts share. `partner` (T,) is the part that
+    each triangle is shared with, or −1. Only the other pairs are intersected as solids.
     """
     meshes = [p.shape for p in assembly.parts if isinstance(p.shape, Mesh)]
     planes: dict[tuple[int, int], list[Contact]] = {}
@@ -29,7 +32,10 @@ def penetrations(assembly: Assembly, faces: FacetSet, contacts: Sequence[Contact
     solids: dict[int, manifold3d.Manifold] = {}
     overlaps = []
     for i, j in _boxes_overlap(meshes, depth).tolist():
-        if _separated(meshes[i], meshes[j], i, j, faces, planes.get((i, j), ()), depth):
+        mine = planes.get((i, j), [])
+        if _apart_but_for_joint(i, j, faces, partner, depth):
+            continue
+        if _separated(meshes[i], meshes[j], i, j, faces, mine, depth):
             continue
         for part in (i, j):
             if part not in solids:
@@ -86,6 +92,29 @@ def _separated(
         return True
     mine, theirs = faces.normals[faces.facet_part == i], -faces.normals[faces.facet_part == j]
     return bool(_gap(first, second, np.concatenate([mine, theirs])).max() >= -depth)
+
+
+def _apart_but_for_joint(i: int, j: int, faces: FacetSet, partner: IntArray, depth: float) -> bool:
+    """Return whether a plane has all of i's triangles below it and all of j's above, leaving out those they share.
+
+    Then the shared triangles, a height field over the plane, are all that i and j have of each other's side. A
+    surface has the vector area of the flat contact it stands for, so the mean normal is that contact's.
+    """
+    # Triangles come part by part.
+    first, second = (slice(*np.searchsorted(faces.part, [p, p + 1])) for p in (i, j))
+    shared = partner[first] == j
+    if not shared.any():
+        return False
+    corners = faces.vertices[faces.triangles[first][shared]]
+    normals = faces.triangle_normals[first][shared]
+    area = np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), normals)
+    normal = area @ normals
+    normal /= np.linalg.norm(normal)
+    if (normals @ normal).min() <= 0.0:
+        return False
+    below = faces.vertices[faces.triangles[first][~shared]] @ normal
+    above = faces.vertices[faces.triangles[second][partner[second] != i]] @ normal
+    return bool(above.min(initial=np.inf) - below.max(initial=-np.inf) >= -depth)
 
 
 def _gap(first: Mesh, second: Mesh, normals: Array) -> Array:

@@ -68,8 +68,8 @@ def shell(given: Mapping[str, Any], folder: Path) -> Assembly:
     level = height.min() + p.at_least("ground", 0.0, 0.5) * np.ptp(height)
     density = p.number("density", 0.0, 1e5)
     parts = []
-    for face, mesh, name in zip(surface.faces, meshes, names):
-        low = height[list(face)] <= level + 1e-12
+    for loop, mesh, name in zip(surface.faces, meshes, names):
+        low = height[list(loop)] <= level + 1e-12
         parts.append(Part(name, mesh, density, fixed=bool((low & np.roll(low, 1)).any())))
     if not any(part.fixed for part in parts):
         raise InputError(f"shell.surface: no polygon of '{path}' has an edge on the ground; raise shell.ground.")
