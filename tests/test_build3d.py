@@ -140,3 +140,14 @@ def test_a_block_enclosed_by_one_face_leaves_a_ring_around_it():
     built = build_parts_3d(assembly, [bicubic_joint(contact, largest_rectangle(contact, 0.02), -0.05, contact.normal)])
     assert all(trimesh.Trimesh(*_arrays(p.shape), process=False).is_watertight for p in built.parts)
     assert built.parts[0].shape.volume < assembly.parts[0].shape.volume
+
+
+@pytest.mark.parametrize("cells", [[(0, 0), (1, 1)], [(0, 0), (0, 1), (1, 0)], [(0, 0), (1, 1), (2, 0), (1, -1)]])
+def test_contacts_that_touch_in_a_corner_or_enclose_a_gap(cells):
+    parts = [Part("slab", box((0, -1, -0.2), (3, 2, 0)), fixed=True)]
+    parts += [Part(f"b{x}{y}", box((x, y, 0), (x + 1, y + 1, 0.5))) for x, y in cells]
+    assembly = Assembly("checkers", tuple(parts))
+    built = build_parts_3d(assembly, curved_joints(assembly))
+    assert all(trimesh.Trimesh(*_arrays(p.shape), process=False).is_watertight for p in built.parts)
+    assert sum(p.shape.volume for p in built.parts) == pytest.approx(1.8 + 0.5 * len(cells), rel=1e-12)
+    assert not find_contacts(built).overlaps
