@@ -43,6 +43,17 @@ def test_plan_survives_its_file(tmp_path: Path) -> None:
     assert document(again) == DOCUMENT
 
 
+def test_what_only_the_planner_understands_is_kept_and_hashed() -> None:
+    def edit(raw: dict[str, Any]) -> None:
+        raw["cell"]["tray"] = {"columns": 3}
+        raw["steps"][0]["grasp"]["face"] = 4
+
+    raw = edited(edit)
+    plan = plan_from_document(raw)
+    assert document(plan) == raw
+    assert plan.sha256 != PLAN.sha256
+
+
 def test_sound_plan_has_no_findings_and_its_dry_run_shows_every_waypoint() -> None:
     result = dry_run(PLAN)
     paths = [p for s in PLAN.steps for m in s.moves for p in (m.path, *m.alternatives)]

@@ -182,10 +182,9 @@ class UrArm:
             joints = np.array([w.q for w in path])
             places = np.array([w.tcp[:3] for w in path])
             offset = np.subtract(state.q, path[0].q)  # re-synced to where the arm really is, blended out below
-            end = time.monotonic() + 1.1 * float(times[-1]) + 2.0
             lead_in = max(LEAD_IN_S, 2.0 * distance_m(state.tcp, path[0].tcp) / self.limits.approach_speed_m_s)
             last = max(float(times[-1]), lead_in)
-            end += lead_in
+            end = time.monotonic() + 1.1 * last + 2.0
             clock, arm_time = 0.0, state.time_s
             trail: deque[Array] = deque(maxlen=50)
             self._moving = True
@@ -206,7 +205,7 @@ class UrArm:
                     break
                 if time.monotonic() > end:
                     slow = f" at {state.speed_scaling:.0%} speed" if state.speed_scaling < 1.0 else ""
-                    detail = f"not there after 1.1 × {times[-1]:.1f} s + 2 s{slow}"
+                    detail = f"not there after 1.1 × {last:.1f} s + 2 s{slow}"
                     raise Stopped(ExecutionStatus.TIMED_OUT, detail, state)
             self._order("servoStop", DECELERATION_M_S2)
             self._moving = False

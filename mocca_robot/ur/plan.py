@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -82,12 +82,14 @@ class Grasp:
         mass_kg: the part's mass.
         cog_m: the part's centre of gravity in the tool flange's frame.
         force_n: gripping force.
+        extra: whatever else the planner wrote about the grasp; kept and hashed, not used here.
     """
 
     width_m: float
     mass_kg: float
     cog_m: Three = (0.0, 0.0, 0.0)
     force_n: float = 20.0
+    extra: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,7 @@ class Cell:
         gripper_stroke_m: smallest and largest opening.
         workspace_m: corners (low, high) of the box, base frame, that the tool's centre point must not leave.
         limits: caps lowered for this cell.
+        extra: whatever else the planner wrote about the cell (table, tray, ...); kept and hashed, not used here.
     """
 
     name: str
@@ -123,6 +126,7 @@ class Cell:
     gripper_stroke_m: tuple[float, float] = (0.0, 0.085)
     serial: str | None = None
     limits: Limits = field(default_factory=Limits)
+    extra: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -172,6 +176,7 @@ def document(plan: Plan) -> dict[str, Any]:
         "robot": plan.robot,
         "gripper": plan.gripper,
         "cell": {
+            **cell.extra,
             "name": cell.name,
             **({"serial": cell.serial} if cell.serial else {}),
             "tcp_offset": list(cell.tcp_offset),
@@ -190,6 +195,7 @@ def _step_document(step: Step) -> dict[str, Any]:
     out: dict[str, Any] = {
         "part": step.part,
         "grasp": {
+            **grasp.extra,
             "width_m": grasp.width_m,
             "mass_kg": grasp.mass_kg,
             "cog_m": list(grasp.cog_m),

@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +96,7 @@ def _cell(raw: Mapping[str, Any], where: str) -> Cell:
             three(_numbers(box[1], 3, f"{where}: workspace_m[1]")),
         ),
         limits=Limits().lowered(_mapping(raw.get("limits", {}), f"{where}: limits")),
+        extra=_rest(raw, Cell),
     )
 
 
@@ -118,6 +120,7 @@ def _step(raw: Mapping[str, Any], where: str) -> Step:
             mass_kg=_number(grasp, "mass_kg", f"{where}: grasp"),
             cog_m=three(_numbers(grasp.get("cog_m", [0, 0, 0]), 3, f"{where}: grasp cog_m")),
             force_n=_number(grasp, "force_n", f"{where}: grasp", 20.0),
+            extra=_rest(grasp, Grasp),
         ),
         moves=tuple(_move(_mapping(m, f"{where}, move {k}"), f"{where}, move {k}") for k, m in enumerate(moves)),
         direction=direction,
@@ -153,6 +156,12 @@ def _path(raw: Sequence[Any], where: str) -> tuple[Waypoint, ...]:
         q, tcp = _numbers(item.get("q"), 6, f"{here}: q"), _numbers(item.get("tcp"), 6, f"{here}: tcp")
         out.append(Waypoint(_number(item, "t", here), six(q), six(tcp)))
     return tuple(out)
+
+
+def _rest(raw: Mapping[str, Any], known: type[Cell] | type[Grasp]) -> dict[str, Any]:
+    """Return the keys that mean nothing here: the planner's own, kept for others to read."""
+    names = {f.name for f in fields(known)}
+    return {key: value for key, value in raw.items() if key not in names}
 
 
 def _mapping(value: object, where: str) -> Mapping[str, Any]:
