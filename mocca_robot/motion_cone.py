@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import linprog, nnls
 from scipy.spatial import ConvexHull, QhullError
 
-from mocca_robot.assembly import Array, read_only
+from mocca_robot.assembly import Array, IntArray, read_only
 
 
 def cross(r: Array, n: Array) -> Array:
@@ -31,7 +31,7 @@ def generalized_normals(points: Array, normals: Array, about: Array | None = Non
     return np.concatenate([normals, cross(r, normals) / length], axis=-1)
 
 
-def extreme_rays(rays: Array, tolerance: float = 1e-9) -> Array:
+def extreme_rays(rays: Array, tolerance: float = 1e-9) -> IntArray:
     """Return the indices of rays that generate the same cone as all of `rays` (m, d); sorted.
 
     Works on the conic section: for a pointed cone a cut plane exists whose slice is a polytope, and the
@@ -40,7 +40,7 @@ def extreme_rays(rays: Array, tolerance: float = 1e-9) -> Array:
     scale = np.linalg.norm(rays, axis=1)
     unit = rays / np.maximum(scale, 1e-300)[:, None]
     _, first = np.unique(np.round(unit / 1e-12), axis=0, return_index=True)
-    first = np.sort(first[scale[first] > 0])
+    first = np.sort(first[scale[first] > 0]).astype(np.int64)
     plane = cut_plane(unit[first])
     if plane is None:
         return first
@@ -79,7 +79,7 @@ def cut_plane(rays: Array) -> Array | None:
         bounds=[(-1, 1)] * d + [(None, 1)],
         method="highs",
     )
-    if not result.success or result.x[-1] <= 1e-9:
+    if not result.success or result.x is None or result.x[-1] <= 1e-9:
         return None
     return np.asarray(result.x[:d] / np.linalg.norm(result.x[:d]))
 
@@ -151,7 +151,7 @@ def _smallest_cap_3d(normals: Array) -> tuple[Array, float]:
             bounds=[(-1, 1)] * 3 + [(None, None)],
             method="highs",
         )
-        axis = result.x[:3]
+        axis = np.zeros(3) if result.x is None else result.x[:3]
         norm = np.linalg.norm(axis)
         axis = axis / norm if norm > 1e-12 else np.array([0.0, 0.0, 1.0])
         return np.asarray(axis), float(np.arccos(np.clip((candidates @ axis).min(), -1, 1)))

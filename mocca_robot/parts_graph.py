@@ -33,13 +33,13 @@ class PartMotion:
     blockers: tuple[int, ...]
 
 
-def parts_graph(assembly: Assembly, joints: Sequence[Joint]) -> nx.DiGraph:
+def parts_graph(assembly: Assembly, joints: Sequence[Joint]) -> nx.DiGraph[int]:
     """Return the parts-graph: an edge j → i means that P_i is placed before its neighbour P_j.
 
     Nodes are part indices with 'part' and 'motion' (PartMotion; None for fixed parts); edges carry 'joints'
     (list of Joint) and 'motion_cone' (V_ij, rows about P_j's centroid).
     """
-    graph = nx.DiGraph(name=assembly.name)
+    graph: nx.DiGraph[int] = nx.DiGraph(name=assembly.name)
     motions = part_motions(assembly, joints)
     for index, part in enumerate(assembly.parts):
         graph.add_node(index, part=part, motion=motions.get(index))
@@ -50,7 +50,8 @@ def parts_graph(assembly: Assembly, joints: Sequence[Joint]) -> nx.DiGraph:
         graph.edges[j, i]["joints"].append(joint)
     for j, _, data in graph.edges(data=True):
         about = assembly.parts[j].centroid
-        rows = [generalized_normals(*joint.rays, about) for joint in data["joints"]]
+        rays = [joint.rays for joint in data["joints"]]
+        rows = [generalized_normals(points, normals, about) for points, normals in rays]
         data["motion_cone"] = MotionCone(read_only(np.concatenate(rows)))
     return graph
 
@@ -65,7 +66,7 @@ def part_motions(assembly: Assembly, joints: Sequence[Joint]) -> dict[int, PartM
     for part, mine in earlier.items():
         d = assembly.dimension
         normals = np.concatenate([j.facet_normals for j in mine]) if mine else np.zeros((0, d))
-        owners = np.concatenate([np.full(len(j.facets), j.contact.parts[0]) for j in mine]) if mine else []
+        owners = np.concatenate([np.full(len(j.facets), j.contact.parts[0]) for j in mine]) if mine else np.zeros(0)
         alpha, axis = largest_cone(normals)
         limiting = np.asarray(normals @ axis <= np.sin(alpha) + 1e-6) if mine else np.zeros(0, dtype=bool)
         blockers = tuple(sorted({int(o) for o in np.asarray(owners)[limiting]}))

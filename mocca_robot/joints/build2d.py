@@ -63,8 +63,8 @@ def _with_curves(ring: Array, curves: Sequence[tuple[Array, Array]], weld: _Weld
         along = np.einsum("esd,ed->es", offset, t)
         off = np.abs(np.einsum("esd,ed->es", offset, outward)).max(axis=1)
         forward = (along[:, 0] < along[:, 1]) & (along[:, 0] >= -gap) & (along[:, 1] <= length + gap)
-        for edge in np.flatnonzero(forward & (off <= gap)):
-            on_edge.setdefault(int(edge), []).append((float(along[edge, 0]), points))
+        for k in np.flatnonzero(forward & (off <= gap)):
+            on_edge.setdefault(int(k), []).append((float(along[k, 0]), points))
     corners = weld(ring)
     pieces: list[Array] = []
     for edge in range(len(ring)):
