@@ -109,7 +109,9 @@ def repaired(name: str, vertices: Array, faces: IntArray) -> tuple[Mesh, tuple[s
             raise InputError(f"Part '{name}' is a one-sided surface (like a Möbius strip); it encloses no volume.")
     mesh = Mesh(vertices, faces)
     extent = float(np.prod(np.ptp(mesh.bounds, axis=0)))
-    if abs(mesh.volume) <= 1e-9 * extent or extent == 0.0:
+    if extent == 0.0:
+        raise InputError(f"Part '{name}' encloses no volume; it is flat.")
+    if abs(mesh.volume) <= 1e-9 * extent:
         raise InputError(f"Part '{name}' encloses no volume ({mesh.volume:.3g} m³); it is flat or folded onto itself.")
     if mesh.volume < 0:
         mesh = Mesh(vertices, faces[:, ::-1])
@@ -254,7 +256,8 @@ def write_part(mesh: Mesh, path: Path, *, units: str = "m") -> Path:
         raise InputError(f"Cannot write '{path.name}'; known mesh formats: {', '.join(FORMATS)}.")
     import trimesh
 
-    out = trimesh.Trimesh(scaled, mesh.faces, process=False)
+    turned = scaled @ _Z_UP[:3, :3] if path.suffix.lower() == ".glb" else scaled
+    out = trimesh.Trimesh(turned, mesh.faces, process=False)
     out.units = {"m": "meters", "mm": "millimeters"}.get(units, units)
     out.export(path)
     return path
