@@ -12,13 +12,14 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one benchmark and print a row per measurement; return the exit status."""
-    from benchmarks import contacts, statics
+    from benchmarks import statics
+    from benchmarks.contacts import contacts
 
     benches = {
         "statics": statics.statics,
         "tilt_sweep": statics.tilt_sweep,
         "friction": statics.friction,
-        "contacts": contacts.contacts,
+        "contacts": contacts,
     }
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("name", choices=sorted(benches))

@@ -46,7 +46,7 @@ def solve_highs(b: sp.csr_array, w: Array, c: Array) -> tuple[Array, Array]:
         bounds=(0, None),
         method="highs-ipm",
     )
-    if not result.success:
+    if not result.success or result.x is None:
         raise SolverFailed(f"HiGHS ended with: {result.message[:60]}")
     f = np.maximum(result.x[:m], 0.0)
     return w + b.T @ (f * scale), f * scale

@@ -97,7 +97,7 @@ def equilibrium(
         ]
     else:
         system = ContactSystem.build(pairs, points, normals, free, about, length)
-        results = [solve_system(system, system.scaled(w), solver=solver) for w in stacked]
+        results = _stacked(system, system.scaled(stacked), solver)
     return results if wrenches.ndim == 3 else results[0]
 
 
@@ -125,10 +125,30 @@ def solve_system(
     except SolverFailed:
         nan = np.full(len(c), np.nan)
         return EquilibriumResult(Status.INACCURATE, np.nan, nan, system.unscaled_motion(0 * w), np.inf)
+    return _result(system, w, c, v, f, tolerances)
+
+
+def _result(
+    system: ContactSystem, w: Array, c: Array, v: Array, f: Array, tolerances: Tolerances = TOLERANCES
+) -> EquilibriumResult:
     residual = w + system.matrix.T @ f
     kkt = kkt_residual(system.matrix, w, c, v, f)
-    relative = float(np.linalg.norm(residual)) / scale
+    relative = float(np.linalg.norm(residual) / np.linalg.norm(w))
     return EquilibriumResult(verdict(relative, kkt, tolerances), 0.5 * relative**2, f, system.unscaled_motion(v), kkt)
+
+
+def _stacked(system: ContactSystem, loads: Array, solver: str) -> list[EquilibriumResult]:
+    """Return one result per load (K, n): large systems all at once, whatever that leaves unsolved one by one."""
+    c = np.zeros(len(system.pairs))
+    large = loads.shape[1] * len(c) > DENSE_LIMIT
+    if len(loads) > 1 and large and solver in ("auto", "interior_point") and loads.any(axis=1).all():
+        try:
+            motions, forces = solve_interior_point(system, loads, c)
+        except SolverFailed:
+            return [solve_system(system, w, solver=solver) for w in loads]
+        together = (_result(system, w, c, v, f) for w, v, f in zip(loads, motions, forces, strict=True))
+        return [r if r.kkt <= 1e-8 else solve_system(system, w, solver=solver) for r, w in zip(together, loads)]
+    return [solve_system(system, w, solver=solver) for w in loads]
 
 
 def _solved(system: ContactSystem, w: Array, c: Array, solver: str) -> tuple[Array, Array]:

@@ -9,6 +9,8 @@ magnitude; one step of iterative refinement per iteration keeps the stationarity
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from mocca_robot.assembly import Array, BoolArray
@@ -40,6 +42,12 @@ STALLED_AFTER = 6
 
 ROWS_AT_ONCE = 80_000
 """Rows of all load cases solved together: more no longer fit the processor's cache."""
+LOADS_AT_ONCE = 8
+"""Loads solved together at most: the next ones start better from the last of these."""
+HALFWAY = 1e-2
+"""Gap and residual at which an iterate is kept for the next loads; later ones are too near the boundary."""
+NEAR_LOAD = 0.2
+"""Distance of two loads of unit norm up to which the second starts where the first came past halfway."""
 
 
 def solve_interior_point(system: ContactSystem, w: Array, c: Array) -> tuple[Array, Array]:
@@ -51,12 +59,15 @@ def solve_interior_point(system: ContactSystem, w: Array, c: Array) -> tuple[Arr
     blocks = system.blocks
     loads = np.atleast_2d(w)
     forces = np.empty((len(loads), len(c)))
-    together = max(1, ROWS_AT_ONCE // max(1, len(blocks.source)))
+    together = max(1, min(LOADS_AT_ONCE, ROWS_AT_ONCE // max(1, len(blocks.source))))
+    halfway = None
     for first in range(0, len(loads), together):
         some = loads[first : first + together]
         scale = np.linalg.norm(some, axis=1)[:, None]
         scale[scale == 0.0] = 1.0
-        z, residual = _multipliers(blocks, blocks.own_transposed(some) / scale, c[blocks.source] / scale)
+        z, residual, halfway = _multipliers(
+            blocks, blocks.own_transposed(some) / scale, c[blocks.source] / scale, halfway
+        )
         if residual.max() > 1e-6:
             raise SolverFailed(f"The interior point stopped at a relative residual of {residual.max():.1e}.")
         for k, row in enumerate(z * scale):
@@ -65,15 +76,36 @@ def solve_interior_point(system: ContactSystem, w: Array, c: Array) -> tuple[Arr
     return motions.reshape(w.shape), forces.reshape(*w.shape[:-1], -1)
 
 
-def _multipliers(blocks: PairBlocks, pull: Array, c: Array) -> tuple[Array, Array]:
-    """Return multipliers (K, M) and the residuals reached (K,), for loads of unit norm and slacks c (K, M)."""
+@dataclass(frozen=True, eq=False)
+class _Halfway:
+    """An iterate in the middle of the way under the load `pull`: a good start for a load that is much the same."""
+
+    pull: Array
+    u: Array
+    s: Array
+    z: Array
+
+
+def _multipliers(
+    blocks: PairBlocks, pull: Array, c: Array, begin: _Halfway | None = None
+) -> tuple[Array, Array, _Halfway | None]:
+    """Return multipliers (K, M) and the residuals reached (K,), for loads of unit norm and slacks c (K, M).
+
+    Loads that are near to that of `begin` start from there, and once more from the beginning should that fail.
+    The third result is where the last load came past halfway.
+    """
     # Forces are of the order of a part's weight, slacks of its velocity per unit of mass; both start inside.
     weight = 1.0 / np.sqrt(max(1, len(blocks.to_own)))
     u, s, z = np.zeros_like(pull), np.maximum(c, 0.03 * weight), np.full(c.shape, weight)
+    warm = np.zeros(len(c), dtype=np.bool_)
+    if begin is not None:
+        warm = np.linalg.norm(pull - begin.pull, axis=1) < NEAR_LOAD
+        u[warm], s[warm], z[warm] = begin.u, begin.s, begin.z
+    halfway = None
     best, best_residual = z.copy(), np.full(len(c), np.inf)
     stalled, last_try = np.zeros(len(c), dtype=np.int64), np.where(c.any(axis=1), 0.0, NEARLY_BALANCED)
     alive = np.arange(len(c))
-    r_primal = c - s  # u is zero; every step shortens it by its own length
+    r_primal = blocks.times(u) + c - s  # every step shortens it by its own length
     for _ in range(MAX_ITERATIONS):
         inertia = blocks.inertia_times(u)
         unbalanced = pull[alive] + blocks.transposed_times(z)  # Yᵀ(w + Bᵀz)
@@ -94,6 +126,8 @@ def _multipliers(blocks: PairBlocks, pull: Array, c: Array) -> tuple[Array, Arra
             balanced = _balanced(blocks, z[k], unbalanced[k])
             if balanced is not None:
                 best[alive[k]], best_residual[alive[k]], done[k] = balanced, 0.0, True
+        if halfway is None and alive[-1] == len(c) - 1 and HALFWAY / 30 < gap[-1] <= HALFWAY >= error[-1]:
+            halfway = _Halfway(pull[-1], u[-1], s[-1], z[-1])
         d = z / s
         factors = _factors(blocks, d, done)
         if done.any():
@@ -107,7 +141,10 @@ def _multipliers(blocks: PairBlocks, pull: Array, c: Array) -> tuple[Array, Arra
         length = np.minimum(1.0, length)[:, None]
         u, s, z = u + length * du, s + length * ds, z + length * dz
         r_primal = (1.0 - length) * r_primal if length.min() < 1.0 else np.zeros_like(s)
-    return best, best_residual
+    again = np.flatnonzero(warm & (best_residual > 4 * TOLERANCE))
+    if len(again):
+        best[again], best_residual[again], _ = _multipliers(blocks, pull[again], c[again])
+    return best, best_residual, halfway or begin
 
 
 def _factors(blocks: PairBlocks, d: Array, done: BoolArray) -> list[Factor]:
