@@ -106,8 +106,8 @@ def test_real_time_motion_stays_below_the_speed_cap(one_file: Path, tmp_path: Pa
             assert arm.zero_force().succeeded
             outcome = arm.follow(ONE.steps[0].moves[-1].path, force_limit_n=20.0, contact_force_n=None)
         assert outcome.status is ExecutionStatus.SUCCEEDED
-        # A scheduler that makes one cycle late makes the next step longer; the path's clock caps that at 0.1 s.
-        assert 0.05 < ask(host)["largest_speed_m_s"] < 2.5 * CELL.limits.transfer_speed_m_s
+        # The path peaks at 0.09 m/s; cycles of uneven length show as unevenness, never as catching up.
+        assert 0.05 < ask(host)["largest_speed_m_s"] < 1.5 * CELL.limits.transfer_speed_m_s
 
 
 def test_dry_run_is_the_default_and_needs_no_robot(plan_file: Path) -> None:

@@ -98,6 +98,12 @@ def test_faults_are_spelled_with_their_moment() -> None:
             Trigger.parse(bad)
 
 
+def test_every_fault_is_on_the_page() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "robot.md").read_text(encoding="utf-8")
+    listed = page.split("Faults: `")[1].split("`")[0].split()
+    assert sorted(listed) == sorted(Fault)
+
+
 def test_fake_serves_loopback_only_and_says_when_its_ports_are_taken(tmp_path: Path) -> None:
     away = subprocess.run(
         command("fake-ur", "--host", "0.0.0.0"), env=environment(), capture_output=True, text=True, timeout=20

@@ -35,6 +35,9 @@ CALL_S = 1.0
 """A command of the control script answers within a few cycles; a second means that nobody is there."""
 DECELERATION_M_S2 = 2.0
 LEAD_IN_S = 0.5
+LONGEST_CYCLE_S = 0.1
+HURRY = 1.2
+"""How much longer than its fellows a cycle may count on the path's clock."""
 SERVO_GAIN = 300.0
 SERVO_LOOKAHEAD_S = 0.05
 
@@ -185,12 +188,14 @@ class UrArm:
             lead_in = max(LEAD_IN_S, 2.0 * distance_m(state.tcp, path[0].tcp) / self.limits.approach_speed_m_s)
             last = max(float(times[-1]), lead_in)
             end = time.monotonic() + 1.1 * last + 2.0
-            clock, arm_time = 0.0, state.time_s
+            clock, arm_time, pace = 0.0, state.time_s, CYCLE_S
             trail: deque[Array] = deque(maxlen=50)
             self._moving = True
             while True:
-                elapsed = min(max(state.time_s - arm_time, 0.0), 0.1)
-                arm_time = state.time_s
+                # A late cycle is not made up for: the path only takes longer, the arm never hurries after it.
+                elapsed = max(state.time_s - arm_time, 0.0)
+                pace += 0.1 * (min(elapsed, LONGEST_CYCLE_S) - pace)
+                elapsed, arm_time = min(elapsed, HURRY * pace), state.time_s
                 clock = min(clock + elapsed * state.speed_scaling, last)
                 waypoint = int(np.searchsorted(times, clock, side="right")) - 1
                 fade = max(0.0, 1.0 - clock / lead_in)

@@ -200,7 +200,7 @@ class FakeArm:
             self.begin("path")
             self.mode, self._busy = "path", self.ints[1] == 0
         elif command in (7, 15, 16, 33, 34):
-            self.mode = "idle"
+            self.mode, self._busy = "idle", bool(self.qd.any())
         elif command == 8:
             self._zero = self._raw.copy()
         elif command == 17 and Fault.PAYLOAD_IGNORED not in self.world.active:
@@ -245,6 +245,9 @@ class FakeArm:
         if self.mode == "idle":
             wanted = self.qd * max(0.0, 1.0 - dt / STOP_S)
             wanted[np.abs(wanted) < 1e-4] = 0.0
+            if self._busy and not wanted.any():
+                self._busy = False
+                self.out_ints[0] = 2
         self.qd = np.clip(wanted, -np.array(self.model.joint_speed_rad_s), self.model.joint_speed_rad_s)
         self.q = self.q + self.qd * dt
         velocity = (self.tcp[:3, 3] - before[:3, 3]) / dt
