@@ -2,8 +2,8 @@
 
 Two models, both world-frame lists of simple shapes:
 
-`pieces` covers each flat part with few convex prisms and lets every prism meet every other part. It knows nothing
-of the contacts that statics found, so it is the independent judge, and it works while parts move far.
+`pieces` covers each flat part with few convex prisms. At rest those meet that share a contact, with whatever faces
+and corners they have; while a part travels, every prism meets every other part.
 
 `facets` puts, at points of each contact, a small sphere in the later part against a thin box in the earlier one,
 and lets only these pairs collide. It is what solids use (slabs that all collide make ghost contacts), and holds
@@ -71,15 +71,39 @@ def embed(points: Array) -> Array:
     return out
 
 
-def pieces(assembly: Assembly) -> ContactModel:
-    """Return the flat parts as convex prisms that all collide. Raises InputError for shapes that are not simple."""
+def pieces(assembly: Assembly, contacts: Sequence[Contact] | None = None) -> ContactModel:
+    """Return the flat parts as convex prisms; with `contacts`, only prisms that share one may touch.
+
+    Without, all prisms collide: right for parts that travel. For parts at rest it lets prisms meet that share just
+    a corner, and their ghost contacts hold a part up by a few degrees. Raises InputError for shapes that are not
+    simple.
+    """
     geoms = [
         _prism(index, ring, part.shape.thickness)
         for index, part in enumerate(assembly.parts)
         if isinstance(part.shape, Polygon)
         for ring in convex_pieces(part.shape)
     ]
-    return ContactModel(tuple(geoms), None)
+    if contacts is None:
+        return ContactModel(tuple(geoms), None)
+    own: dict[int, list[int]] = {}
+    for number, prism in enumerate(geoms):
+        own.setdefault(prism.part, []).append(number)
+    pairs = {(_owner(geoms, own[c.parts[0]], c.centre), _owner(geoms, own[c.parts[1]], c.centre)) for c in contacts}
+    return ContactModel(tuple(geoms), tuple(sorted(pairs)))
+
+
+def _owner(geoms: Sequence[Geom], candidates: Sequence[int], point: Array) -> int:
+    """Return the prism whose outline passes closest to `point`; a contact lies on one edge, so on one prism."""
+
+    def distance(number: int) -> float:
+        corners = geoms[number].points
+        ring = corners[: len(corners) // 2][:, [0, 2]]
+        edge = np.roll(ring, -1, axis=0) - ring
+        along = np.clip(((point - ring) * edge).sum(axis=1) / (edge**2).sum(axis=1), 0.0, 1.0)
+        return float(np.linalg.norm(ring + along[:, None] * edge - point, axis=1).min())
+
+    return min(candidates, key=distance)
 
 
 def facets(assembly: Assembly, contacts: Sequence[Contact], resolution: int = 12) -> ContactModel:
@@ -107,7 +131,7 @@ def contact_model(assembly: Assembly, contacts: Sequence[Contact], friction: flo
     their softness, and Newton's method needs ten times as long.
     """
     flat = assembly.dimension == 2
-    return pieces(assembly) if flat and friction == 0.0 else facets(assembly, contacts)
+    return pieces(assembly, contacts) if flat and friction == 0.0 else facets(assembly, contacts)
 
 
 def _prism(part: int, ring: Array, thickness: float) -> Geom:

@@ -19,11 +19,15 @@ def convex_pieces(polygon: Polygon) -> tuple[Array, ...]:
 
     Every corner of a piece is a corner of `polygon`. Raises InputError when the polygon cannot be triangulated.
     """
-    points, faces = _triangles(polygon)
+    points, faces = triangles(polygon)
     return tuple(points[np.array(face)] for face in _merged(points, faces))
 
 
-def _triangles(polygon: Polygon) -> tuple[Array, list[list[int]]]:
+def triangles(polygon: Polygon) -> tuple[Array, list[list[int]]]:
+    """Return the corners (n, 2) of all rings in order, and counter-clockwise triangles of them that fill the shape.
+
+    Raises InputError when edges cross.
+    """
     shape = to_shapely(polygon)
     if not shape.is_valid:
         raise InputError(f"A polygon is not simple ({shapely.is_valid_reason(shape)}); its edges must not cross.")

@@ -10,6 +10,7 @@ import numpy as np
 from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import Contact
 from mocca_robot.motion_cone import largest_cone
+from mocca_robot.verify import insertion_rim, sweep_blockers
 
 OUTSIDE = float(np.deg2rad(3.0))
 """How far outside the realised motion cone the negative controls run."""
@@ -30,7 +31,7 @@ class InsertionCone:
             normals·x ≥ 0.
         realised_rad: half-angle of the widest circular cone about the axis; negative when the axis is blocked.
         tried_rad: half-angle of the cone that trials cover: what the design promises, or, when nothing was
-            promised, what is realised.
+            promised, what is realised and free of obstacles farther away.
     """
 
     part: int
@@ -63,8 +64,20 @@ def insertion_cone(
         way_out = -np.asarray(direction)
         realised = float(np.arcsin(np.clip((normals @ way_out).min(), -1.0, 1.0)))
     promised = assembly.alpha_rad if alpha_rad is None else alpha_rad
-    tried = min(promised, realised) if promised is not None else min(WIDEST, max(0.0, realised - RIM_INSET))
+    if promised is not None:
+        tried = min(promised, realised)
+    else:
+        tried = _unobstructed(assembly, part, way_out, realised)
     return InsertionCone(part, -way_out, normals, realised, tried)
+
+
+def _unobstructed(assembly: Assembly, part: int, way_out: Array, realised: float) -> float:
+    """Return a half-angle within the realised cone at which no part farther away is in the way either."""
+    widest = min(WIDEST, max(0.0, realised - RIM_INSET))
+    for share in (1.0, 0.5, 0.25, 0.1):
+        if not sweep_blockers(assembly, part, insertion_rim(way_out, share * widest)):
+            return share * widest
+    return 0.0
 
 
 def directions(cone: InsertionCone, count: int) -> tuple[Direction, ...]:

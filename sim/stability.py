@@ -19,15 +19,16 @@ class Limits:
     """When a part counts as moved, and a run as settled; lengths relative to the part's size.
 
     Attributes:
-        moved: displacement from which a part has moved. A structure 0.3° on the safe side of its critical tilt
-            moves by 1e-5 of its size, one 0.3° beyond it by more than 1.
+        moved: displacement, at any time, from which a part has moved. Block stacks 0.3° on the safe side of their
+            critical tilt move by 1e-5 of their size, 0.3° beyond it by more than 1; in curved seats a part may
+            come to rest again after sliding by a few thousandths, up to 0.3° beyond it.
         fallen: displacement at which a run ends early: no part comes back from there.
         speed: sizes per second below which a part rests. 0.05° beyond the critical tilt a part of 5 cm slides
             with 0.07 sizes per second after 0.4 s.
         first_look_s, longest_s: a run ends between the two, as soon as it rests.
     """
 
-    moved: float = 0.01
+    moved: float = 0.005
     fallen: float = 0.05
     speed: float = 2e-3
     first_look_s: float = 0.4
@@ -116,7 +117,9 @@ def judged(compiled: Compiled, limits: Limits = LIMITS) -> StabilityReport:
 def report(assembly: Assembly, motion: Motion, limits: Limits = LIMITS) -> StabilityReport:
     """Return the verdict on a run that is over."""
     size = 2.0 * reach(assembly)[motion.parts]
-    share = motion.displacement[-1] / size
+    # The farthest a part has been: one that rocks back has let go all the same.
+    peak = motion.displacement.max(axis=0)
+    share = peak / size
     moved = tuple(assembly.parts[p].name for p, s in zip(motion.parts, share) if s > limits.moved)
     resting = bool((motion.speed[-1] <= limits.speed * size).all())
     if motion.failure is not None:
@@ -124,7 +127,7 @@ def report(assembly: Assembly, motion: Motion, limits: Limits = LIMITS) -> Stabi
     elif moved:
         farthest = int(share.argmax())
         name = assembly.parts[motion.parts[farthest]].name
-        verdict, reason = Verdict.FELL, f"'{name}' moved by {motion.displacement[-1][farthest] * 1e3:.3g} mm"
+        verdict, reason = Verdict.FELL, f"'{name}' moved by {peak[farthest] * 1e3:.3g} mm"
     elif not resting:
         verdict, reason = Verdict.FAILED, f"still moving after {motion.times[-1]:.1f} s, but not yet far"
     else:
@@ -133,7 +136,7 @@ def report(assembly: Assembly, motion: Motion, limits: Limits = LIMITS) -> Stabi
         verdict,
         reason,
         moved,
-        float(motion.displacement[-1].max(initial=0.0)),
+        float(peak.max(initial=0.0)),
         float(share.max(initial=0.0)),
         float(motion.speed[-1].max(initial=0.0)),
         float(motion.times[-1]),

@@ -156,6 +156,34 @@ def test_unusable_input_is_explained(
     assert says in only_json(capsys.readouterr().out)["error"]
 
 
+def test_a_part_that_is_enclosed_names_its_blockers(tmp_path: Path) -> None:
+    cup = [[0, 0], [60, 0], [60, 50], [50, 50], [50, 10], [10, 10], [10, 50], [0, 50]]
+    parts = [
+        {"name": "cup", "fixed": True, "polygon": cup},
+        {"name": "lid", "polygon": [[0, 50], [60, 50], [60, 60], [0, 60]]},
+        {"name": "cork", "polygon": [[10, 10], [50, 10], [50, 50], [10, 50]]},
+    ]
+    file = written(tmp_path / "bottle.json", {**SLOPE, "name": "bottle", "parts": parts})
+    for arguments in (["check", file], ["design", file, "-o", tmp_path / "out"]):
+        done = command(*arguments, "--json")
+        assert done.returncode == 1, done.stderr
+        findings = only_json(done.stdout)["findings"]
+        assert findings and all(f["kind"] in ("blocked", "narrow") for f in findings)
+        assert all(f["parts"] == ["cork", "cup", "lid"] for f in findings)
+    # The right order: the cork goes in before the lid.
+    done = command("check", file, "--set", "sequence=[cup, cork, lid]", "--set", "alpha_deg=null", "--json")
+    assert done.returncode == 0, done.stdout
+
+
+def test_bounds_too_tight_for_any_joint_are_proven(slope: Path, tmp_path: Path) -> None:
+    done = command("design", slope, "-o", tmp_path / "out", "--json", "--set", "joints.max_slope_deg=2")
+    assert done.returncode == 1, done.stderr
+    findings = only_json(done.stdout)["findings"]
+    proof = next(f for f in findings if f["kind"] == "impossible")
+    assert proof["parts"] == ["stone", "hat"] and proof["case"] == "gravity"
+    assert (tmp_path / "out" / "report.html").is_file()  # to look at
+
+
 def test_a_missing_file_and_a_wrong_argument(tmp_path: Path) -> None:
     done = command("run", tmp_path / "nothing.yaml")
     assert done.returncode == 2 and "nothing.yaml" in done.stderr and "Traceback" not in done.stderr

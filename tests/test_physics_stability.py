@@ -41,7 +41,7 @@ def test_a_stack_tips_over_at_atan_width_over_height(blocks):
     assembly = stack(blocks)
     contacts = find_contacts(assembly).contacts
     found = physical_tilt(tilt_scene(assembly, facets(assembly, contacts), 2.0), contacts, 0.0)
-    assert found.critical_rad == pytest.approx(np.arctan(1 / blocks), abs=np.deg2rad(0.3))
+    assert found.critical_rad == pytest.approx(np.arctan(1 / blocks), abs=np.deg2rad(0.5))
     assert not found.failed
 
 
@@ -58,7 +58,7 @@ def test_shifted_cubes_stand_up_to_their_overhang_limit(share, stands):
 @pytest.mark.parametrize("azimuth", [0.0, np.pi])
 def test_curved_joints_let_go_where_statics_says(height, lean, azimuth):
     assembly, contacts = jointed(stack(3), height, lean)
-    for model in (pieces(assembly), facets(assembly, contacts)):
+    for model in (pieces(assembly, contacts), facets(assembly, contacts)):
         found = physical_tilt(tilt_scene(assembly, model), contacts, azimuth)
         assert found.statics_rad == critical_tilt(assembly, contacts, azimuth)
         assert abs(found.difference_rad) < np.deg2rad(0.5)

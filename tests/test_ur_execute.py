@@ -29,24 +29,6 @@ ONE = small_plan(1, short=True)
 TWO = small_plan(2, short=True)
 
 
-@pytest.fixture
-def plan_file(tmp_path: Path) -> Path:
-    write_plan(PLAN, tmp_path / "plan.json")
-    return tmp_path / "plan.json"
-
-
-@pytest.fixture
-def one_file(tmp_path: Path) -> Path:
-    write_plan(ONE, tmp_path / "one.json")
-    return tmp_path / "one.json"
-
-
-@pytest.fixture
-def two_file(tmp_path: Path) -> Path:
-    write_plan(TWO, tmp_path / "two.json")
-    return tmp_path / "two.json"
-
-
 def wait_for(host: str, condition: Callable[[dict[str, object]], bool], seconds: float = 20.0) -> dict[str, object]:
     """Return the fake's true state once `condition` holds; fail if it never does."""
     end = time.monotonic() + seconds
@@ -75,7 +57,8 @@ def put_back(host: str, step: int) -> None:
     ask(host, gripper_m=0.085)
 
 
-def test_two_parts_are_built_and_every_motion_is_in_the_journal(plan_file: Path) -> None:
+def test_two_parts_are_built_and_every_motion_is_in_the_journal(tmp_path: Path) -> None:
+    plan_file = written(PLAN, tmp_path)
     with fake_controller(plan_file, loopback(0)) as host:
         done = run("execute", plan_file, "--robot", host, "--confirm", "bench", "--json")
         assert done.returncode == 0, done.stderr
@@ -98,7 +81,8 @@ def test_two_parts_are_built_and_every_motion_is_in_the_journal(plan_file: Path)
     assert truth["payload_kg"] == CELL.tool_mass_kg
 
 
-def test_real_time_motion_stays_below_the_speed_cap(one_file: Path, tmp_path: Path) -> None:
+def test_real_time_motion_stays_below_the_speed_cap(tmp_path: Path) -> None:
+    one_file = written(ONE, tmp_path)
     """At the robot's own pace the fake's servo adds nothing: what it measures is what the driver commands."""
     with fake_controller(one_file, loopback(1), "--speedup", "1") as host:
         ask(host, q=list(ONE.steps[0].moves[-1].path[0].q))
@@ -110,7 +94,8 @@ def test_real_time_motion_stays_below_the_speed_cap(one_file: Path, tmp_path: Pa
         assert 0.05 < ask(host)["largest_speed_m_s"] < 1.5 * CELL.limits.transfer_speed_m_s
 
 
-def test_dry_run_is_the_default_and_needs_no_robot(plan_file: Path) -> None:
+def test_dry_run_is_the_default_and_needs_no_robot(tmp_path: Path) -> None:
+    plan_file = written(PLAN, tmp_path)
     done = run("execute", plan_file)
     assert done.returncode == 0
     assert "nothing is sent to a robot" in done.stdout and "p02), move 6: insert, alternative 0" in done.stdout
@@ -135,12 +120,14 @@ def plan_of(raw: dict[str, object]):  # type: ignore[no-untyped-def]
     return plan_from_document(raw)
 
 
-def test_robot_without_its_name_or_name_without_robot_is_refused(plan_file: Path) -> None:
+def test_robot_without_its_name_or_name_without_robot_is_refused(tmp_path: Path) -> None:
+    plan_file = written(PLAN, tmp_path)
     assert "--confirm" in run("execute", plan_file, "--robot", "127.0.0.1").stderr
     assert "--robot does not say where" in run("execute", plan_file, "--confirm", SERIAL).stderr
 
 
-def test_unreachable_host_is_named_with_its_port(plan_file: Path) -> None:
+def test_unreachable_host_is_named_with_its_port(tmp_path: Path) -> None:
+    plan_file = written(PLAN, tmp_path)
     done = run("execute", plan_file, "--robot", loopback(9), "--confirm", SERIAL)
     assert done.returncode == 2
     assert f"No robot answers at {loopback(9)}, port 29999" in done.stderr
@@ -172,8 +159,9 @@ def test_missing_client_library_is_named_with_the_remedy(monkeypatch: pytest.Mon
     ],
 )
 def test_robot_that_is_not_ready_is_refused_before_anything_moves(
-    options: tuple[str, ...], confirm: str, words: str, one_file: Path
+    options: tuple[str, ...], confirm: str, words: str, tmp_path: Path
 ) -> None:
+    one_file = written(ONE, tmp_path)
     with fake_controller(one_file, loopback(2), *options) as host:
         ended = before_moving(host, confirm, one_file.with_suffix(".journal"))
         truth = ask(host)
@@ -193,7 +181,8 @@ def before_moving(host: str, confirm: str, journal_file: Path) -> str:
     return result.detail
 
 
-def test_arm_that_stands_elsewhere_is_refused_with_the_joint_angles_to_go_to(one_file: Path) -> None:
+def test_arm_that_stands_elsewhere_is_refused_with_the_joint_angles_to_go_to(tmp_path: Path) -> None:
+    one_file = written(ONE, tmp_path)
     with fake_controller(one_file, loopback(3)) as host:
         ask(host, q=list(np.add(ONE.first_waypoint.q, [0, 0, 0, 0, 0, 0.02])))
         ended = before_moving(host, SERIAL, one_file.with_suffix(".journal"))
@@ -201,7 +190,8 @@ def test_arm_that_stands_elsewhere_is_refused_with_the_joint_angles_to_go_to(one
     assert "limit 0.01 rad and 2 mm" in ended and "with the pendant" in ended
 
 
-def test_second_process_is_refused_by_the_lock_and_without_it_by_the_robot(one_file: Path, tmp_path: Path) -> None:
+def test_second_process_is_refused_by_the_lock_and_without_it_by_the_robot(tmp_path: Path) -> None:
+    one_file = written(ONE, tmp_path)
     other = tmp_path / "elsewhere"
     other.mkdir()
     with fake_controller(one_file, loopback(4)) as host, UrArm(host, ONE, SERIAL) as arm:
@@ -214,7 +204,8 @@ def test_second_process_is_refused_by_the_lock_and_without_it_by_the_robot(one_f
         assert arm.zero_force().succeeded  # the owner does not notice
 
 
-def test_jam_is_left_backwards_and_the_retry_elsewhere_in_the_cone_succeeds(one_file: Path, tmp_path: Path) -> None:
+def test_jam_is_left_backwards_and_the_retry_elsewhere_in_the_cone_succeeds(tmp_path: Path) -> None:
+    one_file = written(ONE, tmp_path)
     with (
         fake_controller(one_file, loopback(5), "--fault", "jam_once@force:1:0.2") as host,
         UrArm(host, ONE, SERIAL) as arm,
@@ -232,7 +223,8 @@ def test_jam_is_left_backwards_and_the_retry_elsewhere_in_the_cone_succeeds(one_
     assert math.dist(inserted.tcp[:3], ONE.steps[0].moves[2].path[-1].tcp[:3]) < 1.5e-3
 
 
-def test_ctrl_c_stops_the_arm_and_is_journalled(one_file: Path) -> None:
+def test_ctrl_c_stops_the_arm_and_is_journalled(tmp_path: Path) -> None:
+    one_file = written(ONE, tmp_path)
     with fake_controller(one_file, loopback(6)) as host:
         process = start("execute", one_file, "--robot", host, "--confirm", SERIAL, "--json")
         wait_for(host, lambda t: t["mode"] == "servo" and float(t["speed_rad_s"]) > 0.01)  # type: ignore[arg-type]
@@ -246,7 +238,8 @@ def test_ctrl_c_stops_the_arm_and_is_journalled(one_file: Path) -> None:
     assert read_journal(Path(result["journal"])).unfinished == 0
 
 
-def test_kill_9_ends_motion_and_the_resume_repeats_nothing_by_itself(two_file: Path, tmp_path: Path) -> None:
+def test_kill_9_ends_motion_and_the_resume_repeats_nothing_by_itself(tmp_path: Path) -> None:
+    two_file = written(TWO, tmp_path)
     journal = tmp_path / "build.jsonl"
     arguments = ("--confirm", SERIAL, "--json")
     with fake_controller(two_file, loopback(7)) as host:
@@ -280,7 +273,8 @@ def test_kill_9_ends_motion_and_the_resume_repeats_nothing_by_itself(two_file: P
         assert ask(host)["begun"] == after
 
 
-def test_watchdog_stops_the_arm_when_every_process_of_ours_is_killed(one_file: Path) -> None:
+def test_watchdog_stops_the_arm_when_every_process_of_ours_is_killed(tmp_path: Path) -> None:
+    one_file = written(ONE, tmp_path)
     with fake_controller(one_file, loopback(8)) as host:
         process = start("execute", one_file, "--robot", host, "--confirm", SERIAL)
         wait_for(host, lambda t: t["mode"] == "force")
