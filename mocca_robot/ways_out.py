@@ -1,0 +1,51 @@
+"""Ways out that are really free: inside a part's motion cone, and clear of everything placed before it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mocca_robot.assembly import Array, Assembly
+from mocca_robot.contacts import Contact
+from mocca_robot.joints.joint import planar
+from mocca_robot.parts_graph import part_motions
+from mocca_robot.verify import insertion_rim, sweep_blockers
+
+
+def ways_out(
+    assembly: Assembly, contacts: Sequence[Contact], *, room_rad: float = 0.0, samples: int = 600
+) -> dict[int, Array]:
+    """Return a unit direction (d,) per free part, by index, along which it leaves what was placed before it; a part
+    that no tried direction frees is absent.
+
+    The axis a of the part's widest cone comes first: it has most room among the neighbours, but it may lead
+    through parts further away. Then `samples` directions spread evenly, those with most room first, as long as
+    all contact normals keep n̂·x ≥ sin(α + `room_rad`). A direction is free when the sweep along it and along the
+    rim of K(x, α) hits nothing. Insertion runs along −x.
+    """
+    alpha = assembly.alpha_rad or 0.0
+    spread = _spread(assembly.dimension, samples)
+    found: dict[int, Array] = {}
+    for part, motion in part_motions(assembly, [planar(c) for c in contacts]).items():
+        slack = (spread @ motion.normals.T).min(axis=1) if len(motion.normals) else np.ones(len(spread))
+        order = np.argsort(-slack, kind="stable")
+        order = order[slack[order] >= np.sin(alpha + room_rad)]
+        tried = [motion.axis] if motion.alpha_rad >= alpha else []
+        for axis in (*tried, *spread[order]):
+            if not sweep_blockers(assembly, part, insertion_rim(axis, alpha)):
+                found[part] = np.asarray(axis)
+                break
+    return found
+
+
+def _spread(dimension: int, count: int) -> Array:
+    """Return (count, d) unit directions spread evenly: around the circle, or along a spiral over the sphere."""
+    k = np.arange(count)
+    if dimension == 2:
+        turn = 2 * np.pi * k / count
+        return np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    height = 1.0 - (2.0 * k + 1.0) / count
+    turn = k * np.pi * (3.0 - np.sqrt(5.0))
+    around = np.sqrt(1.0 - height**2)
+    return np.stack([around * np.cos(turn), around * np.sin(turn), height], axis=1)
