@@ -111,8 +111,10 @@ def lines(found: Checkup) -> list[str]:
         out.append(f"with '{found.key}' held: {says}")
     for way in found.verification.insertions:
         by = f"; in its way: {evidence.quoted(way.blockers)}" if way.blockers else ""
-        room = f"±{evidence.degrees(way.alpha_rad)}" if way.alpha_rad >= 0 else "no direction"
-        out.append(f"'{way.part}' goes in from {room}, the most that any joint could offer it{by}")
+        room = f"goes in from ±{evidence.degrees(way.alpha_rad)}, the most that any joint could offer it"
+        if way.alpha_rad < 0:
+            room = "has no direction to go in, and no joint could open one"
+        out.append(f"'{way.part}' {room}{by}")
     supports = evidence.supports(assembly, found.states)
     if supports:
         out.append(f"needs support after placing {evidence.quoted(supports, 20)}")

@@ -35,7 +35,7 @@ def conclude(
     supports = evidence.supports(outcome.design.assembly, outcome.states)
     if supports:
         console.say(f"needs support after placing {evidence.quoted(supports, 20)}")
-    for note in outcome.design.notes:
+    for note in dict.fromkeys(outcome.design.notes):
         console.say(f"note: {note}")
     for finding in outcome.findings:
         console.say(f"✗ {finding.text}")
@@ -65,10 +65,10 @@ def say_verdicts(outcome: Outcome, console: Console) -> None:
     if insertions:
         tightest = min(insertions, key=lambda i: i.alpha_rad)
         free = sum(i.assemblable for i in insertions)
-        room = evidence.degrees(max(tightest.alpha_rad, 0.0))
-        console.say(
-            f"insertion: {free} of {len(insertions)} parts go in as asked; tightest is '{tightest.part}', ±{room}"
-        )
+        room = f"tightest is '{tightest.part}', ±{evidence.degrees(tightest.alpha_rad)}"
+        if tightest.alpha_rad < 0:
+            room = f"'{tightest.part}' has no free direction"
+        console.say(f"insertion: {free} of {len(insertions)} parts go in as asked; {room}")
     if outcome.simulation is not None:
         console.say(f"physics:   {physics_words(outcome.simulation)}")
 

@@ -14,7 +14,6 @@ from mocca_robot.design import CaseResult, Design, Insertion
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.assembly_json import (
-    alpha_from_data,
     assembly_from_data,
     assembly_to_data,
     gravity_from_data,
@@ -170,7 +169,7 @@ def read_design(path: str | Path) -> StoredDesign:
         fields.part_name(data["name"], f"{where}: name"),
         parts,
         source.goals if source else (Equilibrium(),),
-        source.alpha_rad if source else min((i.alpha_rad for i in insertion), default=None),
+        source.alpha_rad if source else _asked_alpha(insertion),
         gravity,
     )
     return StoredDesign(
@@ -213,9 +212,19 @@ def _insertions(data: object, dimension: int, known: list[str], where: str) -> t
         place = f"{where}[{k}]"
         part = fields.known_name(fields.part_name(entry["part"], f"{place}.part"), known, place)
         direction = fields.direction(entry["direction"], f"{place}.direction", (dimension,))
-        alpha = alpha_from_data(entry["alpha_deg"], f"{place}.alpha_deg")
-        found.append(Insertion(part, direction, alpha or 0.0))
+        found.append(Insertion(part, direction, _found_alpha(entry["alpha_deg"], f"{place}.alpha_deg")))
     return tuple(found)
+
+
+def _asked_alpha(insertion: tuple[Insertion, ...]) -> float | None:
+    """Return the α that a file without its source must have been asked for: its narrowest cone, if that is one."""
+    narrowest = min((i.alpha_rad for i in insertion), default=-1.0)
+    return narrowest if 0.0 <= narrowest < np.pi / 2 else None
+
+
+def _found_alpha(data: object, where: str) -> float:
+    """Return the half-angle of a cone that was found, radians: 90° on a single flat contact, below 0 when blocked."""
+    return 0.0 if data is None else float(np.deg2rad(fields.number(data, where, -90.0, 90.0)))
 
 
 def _joints(data: object, dimension: int, known: tuple[str, ...], where: str) -> tuple[StoredJoint, ...]:
