@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ur_cell import CELL, SERIAL, command, environment, fake_controller, loopback, run, small_plan
+from ur_cell import CELL, SERIAL, command, environment, fake_controller, loopback, run, small_plan, undisturbed, written
 
 from mocca_robot.errors import EnvironmentNeeded, InputError
 from mocca_robot.ur.driver import UrArm
 from mocca_robot.ur.executor import execute
 from mocca_robot.ur.fake.controller import ask
 from mocca_robot.ur.journal import Journal, read_journal
-from mocca_robot.ur.plan import MoveKind, document, write_plan
+from mocca_robot.ur.plan import MoveKind, document
 from mocca_robot.ur.status import ExecutionStatus
 
 PLAN = small_plan(2)
@@ -57,6 +57,7 @@ def put_back(host: str, step: int) -> None:
     ask(host, gripper_m=0.085)
 
 
+@undisturbed
 def test_two_parts_are_built_and_every_motion_is_in_the_journal(tmp_path: Path) -> None:
     plan_file = written(PLAN, tmp_path)
     with fake_controller(plan_file, loopback(0)) as host:
@@ -81,9 +82,10 @@ def test_two_parts_are_built_and_every_motion_is_in_the_journal(tmp_path: Path) 
     assert truth["payload_kg"] == CELL.tool_mass_kg
 
 
+@undisturbed
 def test_real_time_motion_stays_below_the_speed_cap(tmp_path: Path) -> None:
-    one_file = written(ONE, tmp_path)
     """At the robot's own pace the fake's servo adds nothing: what it measures is what the driver commands."""
+    one_file = written(ONE, tmp_path)
     with fake_controller(one_file, loopback(1), "--speedup", "1") as host:
         ask(host, q=list(ONE.steps[0].moves[-1].path[0].q))
         with UrArm(host, ONE, SERIAL) as arm:
@@ -158,6 +160,7 @@ def test_missing_client_library_is_named_with_the_remedy(monkeypatch: pytest.Mon
         (("--fault", "unsafe_pose"), SERIAL, "outside the controller's safety limits"),
     ],
 )
+@undisturbed
 def test_robot_that_is_not_ready_is_refused_before_anything_moves(
     options: tuple[str, ...], confirm: str, words: str, tmp_path: Path
 ) -> None:
@@ -181,6 +184,7 @@ def before_moving(host: str, confirm: str, journal_file: Path) -> str:
     return result.detail
 
 
+@undisturbed
 def test_arm_that_stands_elsewhere_is_refused_with_the_joint_angles_to_go_to(tmp_path: Path) -> None:
     one_file = written(ONE, tmp_path)
     with fake_controller(one_file, loopback(3)) as host:
@@ -190,6 +194,7 @@ def test_arm_that_stands_elsewhere_is_refused_with_the_joint_angles_to_go_to(tmp
     assert "limit 0.01 rad and 2 mm" in ended and "with the pendant" in ended
 
 
+@undisturbed
 def test_second_process_is_refused_by_the_lock_and_without_it_by_the_robot(tmp_path: Path) -> None:
     one_file = written(ONE, tmp_path)
     other = tmp_path / "elsewhere"
@@ -204,6 +209,7 @@ def test_second_process_is_refused_by_the_lock_and_without_it_by_the_robot(tmp_p
         assert arm.zero_force().succeeded  # the owner does not notice
 
 
+@undisturbed
 def test_jam_is_left_backwards_and_the_retry_elsewhere_in_the_cone_succeeds(tmp_path: Path) -> None:
     one_file = written(ONE, tmp_path)
     with (
@@ -223,6 +229,7 @@ def test_jam_is_left_backwards_and_the_retry_elsewhere_in_the_cone_succeeds(tmp_
     assert math.dist(inserted.tcp[:3], ONE.steps[0].moves[2].path[-1].tcp[:3]) < 1.5e-3
 
 
+@undisturbed
 def test_ctrl_c_stops_the_arm_and_is_journalled(tmp_path: Path) -> None:
     one_file = written(ONE, tmp_path)
     with fake_controller(one_file, loopback(6)) as host:
@@ -238,6 +245,7 @@ def test_ctrl_c_stops_the_arm_and_is_journalled(tmp_path: Path) -> None:
     assert read_journal(Path(result["journal"])).unfinished == 0
 
 
+@undisturbed
 def test_kill_9_ends_motion_and_the_resume_repeats_nothing_by_itself(tmp_path: Path) -> None:
     two_file = written(TWO, tmp_path)
     journal = tmp_path / "build.jsonl"
@@ -273,6 +281,7 @@ def test_kill_9_ends_motion_and_the_resume_repeats_nothing_by_itself(tmp_path: P
         assert ask(host)["begun"] == after
 
 
+@undisturbed
 def test_watchdog_stops_the_arm_when_every_process_of_ours_is_killed(tmp_path: Path) -> None:
     one_file = written(ONE, tmp_path)
     with fake_controller(one_file, loopback(8)) as host:

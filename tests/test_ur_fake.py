@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ur_cell import HOME, MODEL, TOOL, command, environment, fake_controller, loopback, small_plan
+from ur_cell import HOME, MODEL, TOOL, command, environment, fake_controller, loopback, small_plan, undisturbed
 
 from mocca_robot.errors import InputError
 from mocca_robot.ur.fake.controller import ask
@@ -52,6 +52,7 @@ os._exit(0)
 """
 
 
+@undisturbed
 def test_real_client_moves_reads_and_is_alone(tmp_path: Path) -> None:
     write_plan(PLAN, tmp_path / "plan.json")
     target = list(MODEL.tcp_pose(HOME, TOOL))

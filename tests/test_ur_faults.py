@@ -6,13 +6,12 @@ import time
 from pathlib import Path
 
 import pytest
-from ur_cell import SERIAL, fake_controller, loopback, small_plan
+from ur_cell import SERIAL, fake_controller, loopback, small_plan, undisturbed, written
 
 from mocca_robot.ur.driver import UrArm
 from mocca_robot.ur.executor import execute
 from mocca_robot.ur.fake.controller import ask
 from mocca_robot.ur.journal import Journal, read_journal
-from mocca_robot.ur.plan import write_plan
 from mocca_robot.ur.status import ExecutionStatus as Status
 
 PLANS = {"full": small_plan(1), "short": small_plan(1, short=True)}
@@ -47,12 +46,13 @@ CASES = [
 
 
 @pytest.mark.parametrize(("which", "fault", "moment", "status", "kind", "words", "observed"), CASES)
+@undisturbed
 def test_fault_ends_the_motion_and_is_named(
     which: str, fault: str, moment: str, status: Status, kind: str, words: str, observed: bool | None, tmp_path: Path
 ) -> None:
     plan = PLANS[which]
-    write_plan(plan, tmp_path / "plan.json")
-    with fake_controller(tmp_path / "plan.json", loopback(10), "--fault", f"{fault}@{moment}") as host:
+    plan_file = written(plan, tmp_path)
+    with fake_controller(plan_file, loopback(10), "--fault", f"{fault}@{moment}") as host:
         with UrArm(host, plan, SERIAL) as arm, Journal.create(tmp_path / "j", plan, arm.name) as journal:
             result = execute(plan, arm, journal)
         end = time.monotonic() + 5.0

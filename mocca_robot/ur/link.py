@@ -207,7 +207,7 @@ def main(role: str, host: str, descriptor: int) -> None:
 def prefer_this_process() -> None:
     """Ask the scheduler to run this process before others; without the right to do so nothing changes."""
     with contextlib.suppress(OSError):
-        os.nice(-5)
+        os.nice(-15)
 
 
 def _connect(role: str, host: str) -> Any:

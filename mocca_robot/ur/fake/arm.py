@@ -279,6 +279,7 @@ class FakeArm:
             left = float(np.abs(error).max())
         if left < 1e-5:
             self.mode, self._busy = "idle", False
+            self.qd = np.zeros(6)
             if self._executing:
                 self.out_ints[0] = 2
             return np.zeros(6)

@@ -56,6 +56,7 @@ class FakeController:
         if not 0 < speedup <= 20:
             raise InputError(f"--speedup is {speedup:g}; give a number above 0 and at most 20.")
         self.speedup = speedup
+        self.longest_pause_s = 0.0
         self.rtde = RtdeServer(self.arm, time.monotonic)
         for text in faults:
             self.arm.inject(Trigger.parse(text))
@@ -83,6 +84,7 @@ class FakeController:
         while True:
             await asyncio.sleep(TICK_S)
             now = time.monotonic()
+            self.longest_pause_s = max(self.longest_pause_s, now - before)
             self.arm.step(min(now - before, 0.05) * self.speedup, now)
             before = now
             if {Fault.CONNECTION_DROPPED, Fault.CONNECTION_BLIP} & self.arm.world.active:
@@ -216,6 +218,7 @@ class FakeController:
             "begun": arm.begun,
             "faults": sorted(arm.world.active),
             "log": arm.log[-50:],
+            "longest_pause_s": self.longest_pause_s,
         }
 
 
