@@ -79,7 +79,7 @@ def contact_rays(contacts: Sequence[Contact]) -> tuple[IntArray, Array, Array]:
     """Return pairs (C, 2), points (C, d) and normals (C, d): every corner of every contact."""
     if not contacts:
         raise ValueError("no contacts")
-    pairs = [np.tile(c.parts, (len(c.polygon), 1)) for c in contacts]
-    points = [c.polygon for c in contacts]
-    normals = [np.tile(c.normal, (len(c.polygon), 1)) for c in contacts]
-    return np.concatenate(pairs), np.concatenate(points), np.concatenate(normals)
+    corners = [len(c.polygon) for c in contacts]
+    pairs = np.repeat(np.array([c.parts for c in contacts], dtype=np.int64), corners, axis=0)
+    normals = np.repeat(np.array([c.normal for c in contacts]), corners, axis=0)
+    return pairs, np.concatenate([c.polygon for c in contacts]), normals

@@ -20,6 +20,7 @@ from mocca_robot.statics.interior_point import (
     NEARLY_BALANCED,
     SMALL_GAP,
     STALLED_AFTER,
+    TRY_AGAIN,
 )
 from mocca_robot.statics.solvers import SolverFailed
 
@@ -62,7 +63,7 @@ def _multipliers(blocks: PairBlocks, pull: Array) -> tuple[Array, float]:
         if (error <= 4 * TOLERANCE and gap <= enough) or stalled > STALLED_AFTER:
             break
         left = float(np.linalg.norm(unbalanced))
-        if left < 0.5 * last_try:
+        if left < TRY_AGAIN * last_try:
             last_try = left
             balanced = _balanced(blocks, z, unbalanced)
             if balanced is not None:

@@ -30,8 +30,8 @@ FEW = 24
 MANY = 400
 ROUGH = 1e-3
 """Residual of the first look, which only has to tell the rays that may matter from the rest."""
-NEARLY_BALANCED = 0.02
-"""Twice the unbalanced share of the load below which `_balanced` gets its first try."""
+NEARLY_BALANCED, TRY_AGAIN = 0.05, 0.2
+"""`_balanced` gets a try whenever the unbalanced share of the load falls to a fifth: below 0.01 for the first."""
 BALANCED = 1e-9
 """Unbalanced share of the load that proves equilibrium: three orders below the verdict's tolerance."""
 DIVERGED = 1e4
@@ -121,7 +121,7 @@ def _multipliers(
         done = ((error <= 4 * TOLERANCE) & (gap <= enough)) | (stalled[alive] > STALLED_AFTER)
         done |= reached > DIVERGED * best_residual[alive]
         left = np.linalg.norm(unbalanced, axis=1)
-        for k in np.flatnonzero(~done & (left < 0.5 * last_try[alive])):
+        for k in np.flatnonzero(~done & (left < TRY_AGAIN * last_try[alive])):
             last_try[alive[k]] = left[k]
             balanced = _balanced(blocks, z[k], unbalanced[k])
             if balanced is not None:
