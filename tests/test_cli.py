@@ -175,6 +175,17 @@ def test_a_part_that_is_enclosed_names_its_blockers(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout
 
 
+def test_a_key_that_locks_and_one_that_does_not(slope: Path, step: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", str(step), "--key", "block", "--json"]) == 0
+    assert only_json(capsys.readouterr().out)["interlocks"] is True
+    assert main(["check", str(slope), "--key", "hat", "--json"]) == 1
+    found = only_json(capsys.readouterr().out)
+    assert found["interlocks"] is False
+    assert any(f["case"] == "interlocking" and "stone" in f["parts"] for f in found["findings"])
+    assert main(["check", str(slope), "--key", "hut"]) == 2
+    assert "hat" in capsys.readouterr().err
+
+
 def test_bounds_too_tight_for_any_joint_are_proven(slope: Path, tmp_path: Path) -> None:
     done = command("design", slope, "-o", tmp_path / "out", "--json", "--set", "joints.max_slope_deg=2")
     assert done.returncode == 1, done.stderr

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.simulate import stored_design
 from mocca_robot.errors import InputError
 
 if TYPE_CHECKING:
@@ -53,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
         require_sound(config.assembly, report)
     with console.stage("statics"):
         found = checkup.checkup(config, report, args.key, azimuths)
-    for line in checkup.lines(found):
+    for line in checkup.lines(found, built=stored_design(Path(args.input)) is not None):
         console.say(line)
     console.say(console.times())
     return _finish(found, console)

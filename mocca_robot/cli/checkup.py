@@ -62,27 +62,28 @@ def checkup(config: Config, report: ContactReport, key: str | None, azimuths: in
     anything = mobility(assembly, contacts)
     findings = evidence.statics_findings(assembly, verification)
     if key is not None and held is not None and not held.locked and not any(f.case == "interlocking" for f in findings):
-        text = f"Does not interlock: with '{key}' held, {evidence.quoted(held.moving)} can still slide."
+        text = f"Does not interlock: with '{key}' held, {evidence.quoted(held.moving)} can still move."
         findings.append(Finding("loose", text, held.moving, "interlocking"))
     if anything.locked:
-        text = "Deadlock: no part can move at all, so the structure can be neither assembled nor taken apart."
-        findings.append(Finding("deadlock", text, tuple(p.name for p in assembly.parts if not p.fixed)))
+        findings.append(evidence.deadlock_finding(assembly))
     return Checkup(
         assembly, report, friction, verification, states, angles, tilts, key, held, anything, tuple(findings)
     )
 
 
 def _held(assembly: Assembly, contacts: tuple[Contact, ...], key: str | None) -> Mobility | None:
-    """Return what moves while the key is held; the fixed parts are free then, as in the interlocking load case."""
+    """Return what moves while the interlocking load case holds what it holds: the key and the fixed parts."""
     if key is None:
         return None
-    held = np.zeros(len(assembly.parts), dtype=np.bool_)
-    held[assembly.index(key)] = True
-    return mobility(assembly, contacts, held)
+    (case,) = load_cases(assembly, (Interlocking(key),))
+    return mobility(assembly, contacts, case.held)
 
 
-def lines(found: Checkup) -> list[str]:
-    """Return the check-up as text, one verdict a line, the evidence last."""
+def lines(found: Checkup, built: bool = False) -> list[str]:
+    """Return the check-up as text, one verdict a line, the evidence last.
+
+    The flat contacts of an input bound what any joint could offer; those of a `built` design are joints already.
+    """
     assembly, contacts = found.assembly, found.report.contacts
     fixed = evidence.quoted([p.name for p in assembly.parts if p.fixed])
     mass = sum(p.mass for p in assembly.parts)
@@ -111,9 +112,10 @@ def lines(found: Checkup) -> list[str]:
         out.append(f"with '{found.key}' held: {says}")
     for way in found.verification.insertions:
         by = f"; in its way: {evidence.quoted(way.blockers)}" if way.blockers else ""
-        room = f"goes in from ±{evidence.degrees(way.alpha_rad)}, the most that any joint could offer it"
+        room = f"goes in from ±{evidence.degrees(way.alpha_rad)}"
+        room += "" if built else ", the most that any joint could offer it"
         if way.alpha_rad < 0:
-            room = "has no direction to go in, and no joint could open one"
+            room = "has no direction to go in" + ("" if built else ", and no joint could open one")
         out.append(f"'{way.part}' {room}{by}")
     supports = evidence.supports(assembly, found.states)
     if supports:

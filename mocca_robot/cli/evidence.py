@@ -92,6 +92,12 @@ def insertion_finding(verdict: InsertionVerdict) -> Finding:
     return Finding("blocked", f"'{verdict.part}' cannot be inserted{asked}: {why}.", (verdict.part, *verdict.blockers))
 
 
+def deadlock_finding(assembly: Assembly) -> Finding:
+    """Return that nothing can move."""
+    text = "Deadlock: no part can move at all, so the structure can be neither assembled nor taken apart."
+    return Finding("deadlock", text, tuple(p.name for p in assembly.parts if not p.fixed))
+
+
 def design_findings(assembly: Assembly, designed: Designed) -> list[Finding]:
     """Return the certificates of a design run: what no joint within the bounds can do, with remedies."""
     found = []

@@ -21,6 +21,7 @@ from mocca_robot.files.config import Config
 from mocca_robot.files.design_json import StoredDesign, read_design, write_design
 from mocca_robot.joints.joint import planar
 from mocca_robot.loads import state_cases
+from mocca_robot.mobility import mobility
 from mocca_robot.parts_graph import parts_graph
 from mocca_robot.verify import CaseVerdict, Verification, solve_case, verify
 
@@ -142,6 +143,9 @@ def _judged(design: Design) -> Outcome:
     findings = evidence.statics_findings(design.assembly, after)
     if design.source is not design.assembly:
         findings += evidence.overlap_findings(design.assembly, after)
+    # Whatever can be inserted last can also leave: only then is the question open.
+    if after.insertions and not after.insertions[-1].assemblable and mobility(design.assembly, after.contacts).locked:
+        findings.append(evidence.deadlock_finding(design.assembly))
     return Outcome(design, before, after, states, tuple(findings))
 
 
