@@ -87,8 +87,9 @@ def test_real_time_motion_stays_below_the_speed_cap(tmp_path: Path) -> None:
     """At the robot's own pace the fake's servo adds nothing: what it measures is what the driver commands."""
     one_file = written(ONE, tmp_path)
     with fake_controller(one_file, loopback(1), "--speedup", "1") as host:
-        ask(host, q=list(ONE.steps[0].moves[-1].path[0].q))
         with UrArm(host, ONE, SERIAL) as arm:
+            assert arm.preflight(ONE, 0).succeeded
+            ask(host, q=list(ONE.steps[0].moves[-1].path[0].q))
             assert arm.zero_force().succeeded
             outcome = arm.follow(ONE.steps[0].moves[-1].path, force_limit_n=20.0, contact_force_n=None)
         assert outcome.status is ExecutionStatus.SUCCEEDED
@@ -192,6 +193,21 @@ def test_arm_that_stands_elsewhere_is_refused_with_the_joint_angles_to_go_to(tmp
         ended = before_moving(host, SERIAL, one_file.with_suffix(".journal"))
     assert "step 0 (p01), move 0, waypoint 0: the arm stands 0.0200 rad" in ended
     assert "limit 0.01 rad and 2 mm" in ended and "with the pendant" in ended
+
+
+@undisturbed
+def test_no_motion_without_a_preflight_that_passed(tmp_path: Path) -> None:
+    one_file = written(ONE, tmp_path)
+    with fake_controller(one_file, loopback(11)) as host, UrArm(host, ONE, SERIAL) as arm:
+        path = ONE.steps[0].moves[1].path
+        outcomes = [
+            arm.follow(path, force_limit_n=20.0, contact_force_n=None),
+            arm.push(np.array([0.0, 0.0, -1.0]), 0.005, force_limit_n=20.0),
+            arm.grip(0.02, 20.0)[0],
+        ]
+        truth = ask(host)
+    assert [o.status for o in outcomes] == [ExecutionStatus.REFUSED] * 3
+    assert truth["begun"] == {} and truth["q"] == pytest.approx(ONE.first_waypoint.q, abs=1e-9)
 
 
 @undisturbed

@@ -64,6 +64,7 @@ class UrArm:
         self._forcing = False
         self._moving = False
         self._program_stopped = False
+        self._cleared = False
         self._bias = np.zeros(6)
 
     # Opening and closing
@@ -132,7 +133,14 @@ class UrArm:
             return self._end(stop)
         if problem is not None:
             return Outcome(ExecutionStatus.REFUSED, problem, state)
+        self._cleared = True
         return Outcome(ExecutionStatus.SUCCEEDED, "preflight passed", state)
+
+    def _require_clearance(self) -> None:
+        if not self._cleared:
+            raise Stopped(
+                ExecutionStatus.REFUSED, "no preflight has passed since the robot was taken", self._monitor.last
+            )
 
     def _safe(self, point: Waypoint) -> bool:
         """Return whether the controller's own safety limits allow a waypoint."""
@@ -179,6 +187,7 @@ class UrArm:
         """Follow a timed path by joint servoing on the controller's clock; see `interface.Arm`."""
         waypoint = 0
         try:
+            self._require_clearance()
             state = self._watch()
             check_start(state, path[0], self.limits)
             times = np.array([w.t - path[0].t for w in path])
@@ -224,6 +233,7 @@ class UrArm:
         limits = self.limits
         guard: PushGuard | None = None
         try:
+            self._require_clearance()
             start = self._watch()
             guard = PushGuard(start, axis, depth_m, self._bias, limits)
             self._order("forceModeSetDamping", limits.force_damping)
@@ -265,6 +275,7 @@ class UrArm:
         """Move the fingers while the arm stands still under supervision."""
         assert self._gripper is not None
         try:
+            self._require_clearance()
             grip = self._gripper.move(width_m, force_n, lambda: (self._watch(), None)[1])
             return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), grip
         except GripperLost as error:
