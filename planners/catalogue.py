@@ -16,10 +16,13 @@ from mocca_robot.assembly import Array, BoolArray, IntArray
 from mocca_robot.motion_cone import distance_to_cone, generalized_normals, largest_cone
 from mocca_robot.statics.batch import BatchResult, solve_cases
 from mocca_robot.statics.system import ContactSystem
+from planners.descent import Parameters, Problem
+from planners.energy import SMALL, each_case
 from planners.kinematic import Requirement
-from planners.realization import Parameters, Problem
 from planners.shapes import Shapes
 
+FEW_JOINTS = 60
+"""Joints up to which leaning shapes are in the catalogue from the start; descent leans those of larger ones."""
 HEAVY_CASES = 6
 """Required wrenches that a joint is fitted to: its largest ones; the rest are smaller versions of them."""
 
@@ -36,14 +39,13 @@ class _Entry:
     allowed: BoolArray
 
 
-def entries(problem: Problem, axis: Array, leans: tuple[float, ...] = (0.0,)) -> list[_Entry]:
-    """Return the catalogue with each shape leaned by `leans` radians, and where its constraints hold."""
+def entries(problem: Problem, axis: Array, leans: Array | None = None) -> list[_Entry]:
+    """Return the catalogue with each shape leaned by each of `leans` (m, L), and where its constraints hold."""
     shapes, options = problem.shapes, problem.shapes.options
     outer = other_normals(problem)
     found = []
-    for tilt in leans:
-        lean = np.zeros((len(shapes.pair_normal), shapes.n_lean))
-        lean[:, 0] = tilt
+    for tilt in np.zeros((1, shapes.n_lean)) if leans is None else leans:
+        lean = np.tile(tilt, (len(shapes.pair_normal), 1))
         u = shapes.directions(lean)
         for kind, row in shapes.catalogue(options.kinds):
             family = shapes.with_kinds([kind] * len(problem.pairs))
@@ -121,7 +123,9 @@ def select(problem: Problem, start: Parameters, cases: IntArray, passes: int = 6
     Each pass solves Eq. 8 with a price on force through each shape, then makes little-used shapes dearer.
     """
     shapes, pairs = problem.shapes, problem.pairs
-    catalogue = entries(problem, start.axis, (0.0, 0.4, -0.4))
+    few = len(pairs) <= FEW_JOINTS
+    leans = np.concatenate([np.zeros((1, shapes.n_lean)), *(s * 0.4 * np.eye(shapes.n_lean) for s in (1, -1) if few)])
+    catalogue = entries(problem, start.axis, leans)
     flat = shapes.rays(shapes.surface(np.tile(shapes.rest, (len(pairs), 1)), shapes.directions(start.lean)))
     points, normals, owner, which = (
         [flat[0].reshape(-1, flat[0].shape[2])],
@@ -150,13 +154,16 @@ def select(problem: Problem, start: Parameters, cases: IntArray, passes: int = 6
     price = np.where(shape_of < 0, 0.0, 1e-4 * (0.3 + steep[shape_of]))
     slot = owners * len(catalogue) + np.maximum(shape_of, 0)
     weight = np.ones(len(pairs) * len(catalogue))
-    result: BatchResult | None = None
+    warm: BatchResult | None = None
     use_of: Array = np.zeros((len(pairs), len(catalogue)))
+    active = loads.active[:, owners]
     for _ in range(passes):
-        result = solve_cases(
-            system, wrenches, active=loads.active[:, owners], free=loads.free, cost=price * weight[slot], warm=result
-        )
-        strongest = result.forces.max(axis=0) * (shape_of >= 0)
+        if wrenches.shape[1] <= SMALL:
+            warm = solve_cases(system, wrenches, active=active, free=loads.free, cost=price * weight[slot], warm=warm)
+            forces = warm.forces
+        else:
+            forces = each_case(system, wrenches, active, loads.free, price * weight[slot])[1]
+        strongest = forces.max(axis=0) * (shape_of >= 0)
         use_of = np.asarray(np.bincount(slot, strongest, len(weight)).reshape(len(pairs), -1), dtype=np.float64)
         most = np.maximum(use_of.max(axis=1, keepdims=True), 1e-9)
         weight = (1.0 / (use_of / most + 0.03)).ravel()

@@ -54,7 +54,7 @@ class Clearance2D:
         needed = self.margin[:, None, None] + np.where(self.is_contact[joint, side], own[..., None], 0.0)
         worst = (needed - distance).max(axis=-1)
         flat = np.abs(height) <= 1e-6 * self.length[:, None]
-        return np.where(flat, -np.inf, worst)
+        return np.where(flat, -self.length[:, None], worst)
 
 
 def clearance_2d(assembly: Assembly, contacts: Sequence[Contact], options: JointOptions) -> Clearance2D:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,6 +23,7 @@ from planners.kinematic import Impossible, bound, required_wrenches
 from planners.realization import Parameters, Polished, Problem, evaluate, polish
 from planners.shapes import Shapes
 from planners.shapes2d import Shapes2D
+from planners.shapes3d import Shapes3D
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the largest E/|w|² that is left."""
@@ -64,7 +65,7 @@ def design(
     assembly: Assembly,
     options: JointOptions | None = None,
     *,
-    insertion: dict[str, Array] | None = None,
+    insertion: Mapping[str, Array] | None = None,
     contacts: ContactReport | None = None,
     progress: Progress | None = None,
 ) -> Designed:
@@ -89,11 +90,16 @@ def design(
     required = load_cases(assembly)
     margins = margin_cases(assembly, required, options.tilt_margin_rad)
     loads = Loads.of(assembly, found, (*required, *margins))
-    shapes: Shapes = Shapes2D.of(assembly, found, options)
     pairs = np.array([c.parts for c in found])
     motions = part_motions(assembly, [planar(c) for c in found])
+    axis = _ways_out(assembly, motions, insertion or {})
+    shapes: Shapes
+    if assembly.dimension == 2:
+        shapes = Shapes2D.of(assembly, found, options)
+    else:
+        shapes = Shapes3D.of(assembly, found, options, axis)
     problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad)
-    start = _planar_start(assembly, shapes, motions, insertion)
+    start = _planar_start(shapes, axis)
     before = evaluate(problem, start)
     narrow = _narrow_parts(assembly, motions)
 
@@ -142,17 +148,20 @@ def margin_cases(assembly: Assembly, required: Sequence[LoadCase], tilt_rad: flo
     return tuple(cases)
 
 
-def _planar_start(
-    assembly: Assembly, shapes: Shapes, motions: dict[int, PartMotion], insertion: dict[str, Array] | None
-) -> Parameters:
-    count = len(shapes.contacts)
+def _ways_out(assembly: Assembly, motions: dict[int, PartMotion], insertion: Mapping[str, Array]) -> Array:
+    """Return (N, d) the direction in which each part leaves: the user's, or the axis of its widest planar cone."""
     up = np.zeros(assembly.dimension)
     up[-1] = 1.0
     axis = np.tile(up, (len(assembly.parts), 1))
     for part, motion in motions.items():
         axis[part] = motion.axis
-    for name, direction in (insertion or {}).items():
+    for name, direction in insertion.items():
         axis[assembly.index(name)] = -np.asarray(direction) / np.linalg.norm(direction)
+    return axis
+
+
+def _planar_start(shapes: Shapes, axis: Array) -> Parameters:
+    count = len(shapes.contacts)
     lean = np.zeros((len(shapes.pair_normal), shapes.n_lean))
     return Parameters(np.tile(shapes.rest, (count, 1)), lean, axis, np.zeros(count, dtype=np.bool_))
 
@@ -198,7 +207,8 @@ def _attempts(problem: Problem, start: Parameters) -> Iterator[tuple[str, Shapes
     hardest = np.sort(np.argsort(-planar_energy.infeasibility)[:8])
     selected, second = select(problem, start, hardest)
     yield "selected joints", selected, second
-    curved, shape, kinds = first.curved, first.shape, shapes.options.kinds
+    curved, shape = first.curved, first.shape
+    kinds = sorted({kind for kind, _ in shapes.catalogue(shapes.options.kinds)})
     every = shapes.can_curve
     resting = np.where(curved[:, None], shape, shapes.rest)
     yield "all joints", fitted, Parameters(resting, first.lean, first.axis, every)

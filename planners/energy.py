@@ -2,12 +2,14 @@
 
 For fixed geometry E = min over f ≥ 0 of ½|G f + w|². With r = G f + w at the optimum, any parameter φ gives
 dE/dφ = rᵀ(dG/dφ f + dw/dφ): no solver has to be differentiated. r is the collapse motion, so rᵀ dG f is the power
-of the contact forces in it, which is evaluated locally, joint by joint.
+of the contact forces in it, which is a sum over joints.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,6 +20,7 @@ from mocca_robot.contacts import Contact
 from mocca_robot.loads import LoadCase, case_wrenches
 from mocca_robot.motion_cone import cross
 from mocca_robot.statics.batch import BatchResult, solve_cases
+from mocca_robot.statics.equilibrium import solve_system
 from mocca_robot.statics.system import ContactSystem
 
 
@@ -106,12 +109,14 @@ class EnergyResult:
         motions: (K, N, dof) residual = collapse motion, scaled, divided by |w| of the case.
         forces: (K, E, R) contact forces divided by |w| of the case.
         batch: where the solver ended, from which a nearby problem starts.
+        system: the contact rays of all cases.
     """
 
     infeasibility: Array
     motions: Array
     forces: Array
-    batch: BatchResult
+    batch: BatchResult | None
+    system: ContactSystem
 
     @property
     def total(self) -> float:
@@ -139,29 +144,67 @@ def energy(
     scale = loads.scale
     scaled = wrenches[:, free].reshape(len(wrenches), -1) / scale[:, None]
     active = np.repeat(loads.active, rays, axis=1)
-    result = solve_cases(system, scaled, active=active, free=loads.free, warm=None if warm is None else warm.batch)
+    batch: BatchResult | None = None
+    if scaled.shape[1] <= SMALL:
+        batch = solve_cases(system, scaled, active=active, free=loads.free, warm=None if warm is None else warm.batch)
+        residual, forces = batch.residual, batch.forces
+    else:
+        residual, forces = each_case(system, scaled, active, loads.free)
     motions = np.zeros((len(wrenches), len(free), system.dof))
-    motions[:, free] = result.residual.reshape(len(wrenches), -1, system.dof)
-    infeasibility = 0.5 * (result.residual**2).sum(axis=1)
-    return EnergyResult(infeasibility, motions, result.forces.reshape(-1, count, rays), result)
+    motions[:, free] = residual.reshape(len(wrenches), -1, system.dof)
+    infeasibility = 0.5 * (residual**2).sum(axis=1)
+    return EnergyResult(infeasibility, motions, forces.reshape(-1, count, rays), batch, system)
 
 
-def local_power(result: EnergyResult, loads: Loads, pairs: IntArray, points: Array, normals: Array) -> Array:
-    """Return (E,) Σ_k f_k n̂_k · (velocity of P_j − velocity of P_i at r_k), summed over the cases.
+SMALL = 150
+"""Unknowns up to which warm working sets beat an interior point that starts afresh."""
 
-    With forces and motions of the optimum this is rᵀ G f of each joint; its derivative is that of E.
+
+def each_case(
+    system: ContactSystem, scaled: Array, active: BoolArray, free: BoolArray, cost: Array | None = None
+) -> tuple[Array, Array]:
+    """Return residuals (K, n) and forces (K, C) of large systems, cases side by side on the machine's cores.
+
+    `active` (K, C) and `free` (K, N) as in `Loads`; `cost` (C,) is a price per unit of force.
+    """
+    residual, forces = np.zeros_like(scaled), np.zeros(active.shape)
+    whole = system.blocks  # made once, before the threads that share it
+
+    def one(k: int) -> None:
+        held = ~free[k][system.free]
+        if active[k].all() and not held.any():
+            part, rays, moving = system, active[k], np.ones(whole.size, dtype=np.bool_)
+        else:
+            part, rays = system.subset(active[k]).holding(free[k]), active[k]
+            moving = np.repeat(~held, system.dof)
+        price = None if cost is None else cost[rays]
+        forces[k, rays] = np.nan_to_num(solve_system(part, scaled[k][moving], cost=price).forces)
+        residual[k, moving] = scaled[k][moving] + part.matrix.T @ forces[k, rays]
+
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        list(pool.map(one, range(len(scaled))))
+    return residual, forces
+
+
+def joint_wrenches(
+    loads: Loads, pairs: IntArray, points: Array, normals: Array, forces: Array, volume: Array, moment: Array
+) -> Array:
+    """Return (K, E, 2, dof): wrenches on P_i and P_j of each joint's contact forces and of the mass it moved.
+
+    About the parts' reference points, torque over `loads.length`, forces (K, E, R) and result over |w| of the case.
+    Masses move from P_j to P_i: volume (E,), first moment (E, d).
     """
     d = points.shape[2]
-    power = np.zeros(len(pairs))
-    for motion, forces in zip(result.motions, result.forces):
-        relative = _velocity(motion[pairs[:, 1]], points - loads.about[pairs[:, 1]][:, None], loads.length, d)
-        relative -= _velocity(motion[pairs[:, 0]], points - loads.about[pairs[:, 0]][:, None], loads.length, d)
-        power += np.einsum("er,erd,erd->e", forces, normals, relative)
-    return power
-
-
-def _velocity(motion: Array, arm: Array, length: float, d: int) -> Array:
-    linear, angular = motion[:, None, :d], motion[:, None, d:] / length
-    if d == 2:
-        return np.asarray(linear + angular * np.stack([-arm[..., 1], arm[..., 0]], axis=-1))
-    return np.asarray(linear + np.cross(np.broadcast_to(angular, arm.shape), arm))
+    result = np.empty((len(forces), len(pairs), 2, loads.wrenches.shape[2]))
+    for side, sign in ((0, -1.0), (1, 1.0)):
+        part = pairs[:, side]
+        lever = cross(points - loads.about[part][:, None], normals) / loads.length
+        result[:, :, side, :d] = sign * np.einsum("ker,erd->ked", forces, normals)
+        result[:, :, side, d:] = sign * np.einsum("ker,erd->ked", forces, lever)
+        mass = -sign * volume * loads.weight_per_volume[part]
+        first = -sign * moment * loads.weight_per_volume[part, None] - mass[:, None] * loads.about[part]
+        gravity = np.broadcast_to(loads.gravity[:, None], (len(forces), len(pairs), d))
+        result[:, :, side, :d] += mass[:, None] * gravity / loads.scale[:, None, None]
+        torque = cross(np.broadcast_to(first, gravity.shape), gravity) / loads.length
+        result[:, :, side, d:] += torque / loads.scale[:, None, None]
+    return result

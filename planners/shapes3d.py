@@ -1,6 +1,7 @@
 """Solid joints as numbers: all bicubic joints of an assembly evaluated at once, for the optimiser.
 
-One number per joint, its height as a share of the shorter side of the rectangle it stands on; two leans per pair.
+Two numbers per joint: its height as a share of the shorter side of the rectangle it stands on, and the share of
+that rectangle's sides that it covers (a smaller bump of the same height is steeper). Two leans per pair.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray, read_only
 from mocca_robot.contacts import Contact
 from mocca_robot.joints.bicubic import (
     FLANK_SEGMENTS,
-    MAX_LEAN,
     BumpPattern,
     Rectangle,
     Rectangles,
@@ -28,6 +28,13 @@ from mocca_robot.joints.clearance import height_limits
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from planners.kinematic import fan
+
+SMALLEST = 0.4
+"""Smallest bump, as a share of its rectangle's sides."""
+TOWARDS_EXIT = float(np.deg2rad(35.0))
+"""Largest angle between a pair's reference direction and its contact's normal."""
+LEAN_IN_REACH = 0.2
+"""Further lean of u (as |u' − u|, 11°) for which the reach of bumps is computed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +67,12 @@ class Shapes3D:
     heights: ClassVar[tuple[int, ...]] = (0,)
 
     @classmethod
-    def of(cls, assembly: Assembly, contacts: Sequence[Contact], options: JointOptions) -> Shapes3D:
-        """Return the bicubic joints over `contacts`."""
+    def of(cls, assembly: Assembly, contacts: Sequence[Contact], options: JointOptions, axis: Array) -> Shapes3D:
+        """Return the bicubic joints over `contacts`; `axis` (N, 3) is the direction in which each part leaves.
+
+        A height field along the way out never blocks it, so u leans from the contact's normal towards it, as far
+        as `TOWARDS_EXIT` allows.
+        """
         pairs = sorted({c.parts for c in contacts})
         index = {p: k for k, p in enumerate(pairs)}
         normals = np.zeros((len(pairs), 3))
@@ -70,20 +81,21 @@ class Shapes3D:
         first = {c.parts: c.normal for c in reversed(contacts)}
         for q, p in enumerate(pairs):
             norm = float(np.linalg.norm(normals[q]))
-            normals[q] = normals[q] / norm if norm > 1e-12 else first[p]
+            normal = normals[q] / norm if norm > 1e-12 else first[p]
+            normals[q] = _towards(normal, axis[p[1]], TOWARDS_EXIT)
         pair = np.array([index[c.parts] for c in contacts])
         single = tuple(_rectangle(c, options) for c in contacts)
-        upright = np.array([float(c.normal @ normals[q]) > 0.5 for c, q in zip(contacts, pair)])
+        upright = np.array([float(c.normal @ normals[q]) > 0.4 for c, q in zip(contacts, pair)])
         can_curve = np.array([r is not None for r in single]) & upright
         rectangles = Rectangles.of([r if r is not None else _stand_in(c) for r, c in zip(single, contacts)])
         reach = np.zeros((len(contacts), 2))
         some = np.flatnonzero(can_curve)
         if len(some):
-            chosen = [contacts[e] for e in some]
+            chosen = [contacts[int(e)] for e in some]
             stacked = Rectangles.of([r for e in some if (r := single[e]) is not None])
             shorter = np.linalg.norm(stacked.edge_y, axis=1)
             margin = np.maximum(options.margin * shorter, options.min_distance)
-            low, high = height_limits(assembly, chosen, stacked, normals[pair[some]], margin)
+            low, high = height_limits(assembly, chosen, stacked, normals[pair[some]], margin, LEAN_IN_REACH)
             reach[some] = np.stack([low, high], axis=1)
         most = max(len(c.polygon) for c in contacts)
         corners = np.array([c.polygon[np.minimum(np.arange(most), len(c.polygon) - 1)] for c in contacts])
@@ -103,7 +115,7 @@ class Shapes3D:
     @property
     def rest(self) -> Array:
         """Return the row of `shape` of a planar joint."""
-        return np.zeros(1)
+        return np.array([0.0, 1.0])
 
     @cached_property
     def normals(self) -> Array:
@@ -140,7 +152,7 @@ class Shapes3D:
     def bounds(self) -> tuple[Array, Array]:
         """Return the lower and upper bounds of one row of `shape`."""
         high = self.options.max_height
-        return np.array([-high]), np.array([high])
+        return np.array([-high, SMALLEST]), np.array([high, 1.0])
 
     def directions(self, lean: Array) -> Array:
         """Return (E, 3) principal directions for the pairs' leans (Q, 2): tangents of the angle from the normal."""
@@ -152,13 +164,14 @@ class Shapes3D:
         return np.asarray((u / np.linalg.norm(u, axis=1)[:, None])[self.pair])
 
     def surface(self, shape: Array, u: Array) -> Array:
-        """Return (E, K + P, 3): vertices of the patches of shapes (E, 1) and directions (E, 3), then corners."""
-        r, xy = self.rectangles, self._pattern.xy
+        """Return (E, K + P, 3): vertices of the patches of shapes (E, 2) and directions (E, 3), then corners."""
+        r = self.rectangles
+        xy = 0.5 + shape[:, 1, None, None] * (self._pattern.xy - 0.5)
         rise = (shape[:, 0] * self.lengths)[:, None] * u
         patch = (
             r.origin[:, None]
-            + xy[:, :1] * r.edge_x[:, None]
-            + xy[:, 1:] * r.edge_y[:, None]
+            + xy[..., :1] * r.edge_x[:, None]
+            + xy[..., 1:] * r.edge_y[:, None]
             + self._pattern.share[:, None] * rise[:, None]
         )
         return np.concatenate([patch, self.corners], axis=1)
@@ -187,7 +200,8 @@ class Shapes3D:
         height = shape[:, 0]
         low, high = self.reach[:, 0] / self.lengths, self.reach[:, 1] / self.lengths
         # Tightest at the knots: width² / (6 rise), with flanks a third of the shorter side wide.
-        missing = self.options.min_radius / self.lengths - (1.0 / 9.0) / (6.0 * np.maximum(np.abs(height), 1e-9))
+        flank = shape[:, 1] / 3.0
+        missing = self.options.min_radius / self.lengths - flank**2 / (6.0 * np.maximum(np.abs(height), 1e-9))
         return np.stack([low - height, height - high, np.where(np.abs(height) > 1e-4, missing, -1.0)], axis=1)
 
     def candidate_rays(self) -> tuple[Array, Array, Array]:
@@ -212,19 +226,32 @@ class Shapes3D:
 
     def catalogue(self, kinds: Sequence[str]) -> list[tuple[str, Array]]:
         """Return realisable shapes, shallow to sharp: heights of either sign."""
-        heights = [h for h in (0.06, 0.12, 0.2, 0.3) if h <= self.options.max_height]
-        return [("n", np.array([sign * h])) for h in heights for sign in (1.0, -1.0)]
+        bumps = ((0.06, 1.0), (0.12, 1.0), (0.2, 1.0), (0.3, 1.0), (0.4, 1.0), (0.15, 0.6), (0.24, 0.6))
+        allowed = [(h, size) for h, size in bumps if h <= self.options.max_height]
+        return [("n", np.array([sign * h, size])) for h, size in allowed for sign in (1.0, -1.0)]
 
     def with_kinds(self, kinds: Sequence[Any]) -> Shapes3D:
         """Return these joints: solids know one family."""
         return self
 
     def joint(self, index: int, shape: Array, u: Array) -> Joint:
-        """Return joint `index` built with height share shape (1,) and direction u (3,); planar without height."""
+        """Return joint `index` built with shape (2,) and direction u (3,); planar without height."""
         contact, rectangle = self.contacts[index], self.single[index]
         if rectangle is None or abs(shape[0]) < 1e-3:
             return planar(contact)
-        return bicubic_joint(contact, rectangle, float(shape[0] * self.lengths[index]), u)
+        low, high = 0.5 - 0.5 * float(shape[1]), 0.5 + 0.5 * float(shape[1])
+        covered = rectangle.part((low, low), (high, high))
+        return bicubic_joint(contact, covered, float(shape[0] * self.lengths[index]), u)
+
+
+def _towards(normal: Array, way_out: Array, most_rad: float) -> Array:
+    """Return `normal` turned towards `way_out` by at most `most_rad`."""
+    side = way_out - (way_out @ normal) * normal
+    length = float(np.linalg.norm(side))
+    if length < 1e-9:
+        return normal
+    angle = min(float(np.arctan2(length, way_out @ normal)), most_rad)
+    return np.asarray(np.cos(angle) * normal + np.sin(angle) * side / length)
 
 
 def _rectangle(contact: Contact, options: JointOptions) -> Rectangle | None:
@@ -243,6 +270,3 @@ def _stand_in(contact: Contact) -> Rectangle:
     x /= np.linalg.norm(x)
     side = 1e-3 * float(np.sqrt(contact.measure))
     return Rectangle(read_only(contact.centre), read_only(x), read_only(np.cross(contact.normal, x)), side, side)
-
-
-__all__ = ["MAX_LEAN", "Shapes3D"]

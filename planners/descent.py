@@ -1,0 +1,355 @@
+"""Descent of E on true joint geometry: Gauss–Newton steps with the envelope theorem's exact gradient.
+
+With E = ½ Σ_c |r_c|², r_c = G f_c + w the residual at the optimal forces, a parameter φ moves the wrench balance by
+b = dG/dφ f + dw/dφ. The gradient is Σ rᵀb, exactly. Forces that are active answer to a change of geometry and take
+up all of it that they can; what is left of b is M⁻¹b with M = I + Bᵀ(F/σ)B stiff along the active rays, so
+Σ bᵀM⁻¹b is the Gauss–Newton matrix. Constraints enter as squared hinges and are linearised alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+
+from mocca_robot.assembly import Array, BoolArray, IntArray
+from planners.energy import EnergyResult, Loads, energy, joint_wrenches
+from planners.shapes import Shapes
+
+
+@dataclass(frozen=True, eq=False)
+class Parameters:
+    """All unknowns of a design.
+
+    Attributes:
+        shape: (E, S) parameters of each joint.
+        lean: (Q, L) lean of each pair's principal direction, radians.
+        axis: (N, d) unit direction a_j = −d_j in which each part leaves.
+        curved: (E,) joints that may change; the others stay planar.
+    """
+
+    shape: Array
+    lean: Array
+    axis: Array
+    curved: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What the descent needs to know besides the parameters.
+
+    Attributes:
+        shapes: the parametrised joints.
+        loads: required cases first, then margin cases.
+        required: number of required cases.
+        pairs: (E, 2) parts of each joint.
+        alpha_rad: assemblability, None when not asked for.
+    """
+
+    shapes: Shapes
+    loads: Loads
+    required: int
+    pairs: IntArray
+    alpha_rad: float | None
+
+
+ENERGY_WEIGHT = 10.0
+PENALTY_WEIGHT = 30.0
+SHALLOW_WEIGHT = 1e-6
+MARGIN_SOLVED = 1e-9
+"""E/|w|² of a margin case that counts as zero."""
+VIOLATED = 1e-6
+"""Hinge of a constraint, dimensionless, that counts as none."""
+PATIENCE = 6
+"""Steps in which the objective has to fall by three tenths; slower than that it is on its way to a local rest."""
+STEEPEST_LEAN = 0.85
+"""Largest lean of u from its reference: radians in 2D (49°), tangents in 3D (40°)."""
+LONGEST_STEP = 0.2
+"""Of any unknown in one step: contact sizes, radians."""
+STIFF = 1e-6
+"""Force per unit of slack, both relative to |w|, below which an active ray yields."""
+
+
+def evaluate(
+    problem: Problem, parameters: Parameters, inset: float = 0.0, warm: EnergyResult | None = None
+) -> EnergyResult:
+    """Return E of every case on the geometry of `parameters`, masses and centroids included.
+
+    `inset` narrows each joint about its middle and lowers its bump by that share, for designing with a reserve.
+    """
+    surface = surface_of(problem, parameters)
+    points, normals = problem.shapes.rays(_inset(problem.shapes, surface, inset))
+    return energy(problem.loads, problem.pairs, points, normals, moved_wrenches(problem, surface), warm)
+
+
+def surface_of(problem: Problem, parameters: Parameters) -> Array:
+    """Return the joints' surfaces (E, V, d), flat where a joint may not curve."""
+    return problem.shapes.surface(_drawn(problem.shapes, parameters), problem.shapes.directions(parameters.lean))
+
+
+def moved_wrenches(problem: Problem, surface: Array) -> Array:
+    """Return the wrenches (K, N, dof) of every case after the surfaces have moved mass between parts."""
+    return problem.loads.wrenches + problem.loads.moved(problem.pairs, *problem.shapes.transferred(surface))
+
+
+def _drawn(shapes: Shapes, parameters: Parameters) -> Array:
+    flat = parameters.shape.copy()
+    flat[:, list(shapes.heights)] = 0.0
+    return np.where(parameters.curved[:, None], parameters.shape, flat)
+
+
+def _inset(shapes: Shapes, surface: Array, inset: float) -> Array:
+    """Return surfaces (E, V, d) narrowed about their contact's centre and flattened towards its plane."""
+    if inset == 0.0:
+        return surface
+    offset = surface - shapes.centres[:, None]
+    height = np.einsum("evd,ed->ev", offset, shapes.normals)
+    lowered = offset * (1.0 - inset) - 2.0 * inset * height[..., None] * shapes.normals[:, None]
+    return np.asarray(shapes.centres[:, None] + lowered)
+
+
+def violation_of(problem: Problem, parameters: Parameters) -> float:
+    """Return the worst violation of assemblability, slope, room and radius; ≤ `VIOLATED` counts as none."""
+    hinges = _hinges(problem, parameters, surface_of(problem, parameters), 0.0)
+    return float(hinges.max(initial=0.0))
+
+
+def _hinges(problem: Problem, parameters: Parameters, surface: Array, alpha_margin: float) -> Array:
+    """Return constraint values (E, H), violated where positive: slope, room and radius, then assemblability.
+
+    n̂·n_contact ≥ cos(max slope); n̂·a_j ≥ sin(α + margin), in the last columns, one per ray.
+    """
+    shapes = problem.shapes
+    _, normals = shapes.rays(surface)
+    slope = np.cos(shapes.options.max_slope_rad) - np.einsum("erd,ed->er", normals, shapes.normals)
+    room = shapes.violations(surface, _drawn(shapes, parameters))
+    if problem.alpha_rad is None:
+        return np.concatenate([slope, room], axis=1)
+    wanted = np.sin(min(problem.alpha_rad + alpha_margin, np.pi / 2))
+    short = wanted - np.einsum("erd,ed->er", normals, parameters.axis[problem.pairs[:, 1]])
+    return np.concatenate([slope, room, short], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """The unknowns in a row: shapes of curved joints, leans of their pairs, tangential moves of part axes."""
+
+    joints: IntArray
+    pairs: IntArray
+    parts: IntArray
+    tangents: Array
+    bounds: tuple[Array, Array]
+    sizes: tuple[int, int, int] = field(default=(0, 0, 0))
+
+    @classmethod
+    def of(cls, problem: Problem, parameters: Parameters) -> Layout:
+        """Return the layout about `parameters`."""
+        joints = np.flatnonzero(parameters.curved)
+        pairs = np.unique(problem.shapes.pair[joints])
+        parts = np.unique(problem.pairs[:, 1]) if problem.alpha_rad is not None else np.zeros(0, dtype=np.int64)
+        axis = parameters.axis
+        if axis.shape[1] == 2:
+            tangents = np.stack([-axis[:, 1], axis[:, 0]], axis=1)[:, None]
+        else:
+            seed = np.eye(3)[np.abs(axis).argmin(axis=1)]
+            first = np.cross(axis, seed)
+            first /= np.linalg.norm(first, axis=1)[:, None]
+            tangents = np.stack([first, np.cross(axis, first)], axis=1)
+        s, lean, t = parameters.shape.shape[1], parameters.lean.shape[1], tangents.shape[1]
+        sizes = (len(joints) * s, len(pairs) * lean, len(parts) * t)
+        return cls(joints, pairs, parts, tangents, problem.shapes.bounds(), sizes)
+
+    def moved(self, start: Parameters, step: Array) -> Parameters:
+        """Return `start` moved by `step`, shapes and leans kept within their bounds."""
+        n_shape, n_lean, _ = self.sizes
+        shape, lean, axis = start.shape.copy(), start.lean.copy(), start.axis.copy()
+        shape[self.joints] += step[:n_shape].reshape(len(self.joints), shape.shape[1])
+        shape[self.joints] = np.clip(shape[self.joints], *self.bounds)
+        lean[self.pairs] += step[n_shape : n_shape + n_lean].reshape(len(self.pairs), lean.shape[1])
+        lean[self.pairs] = np.clip(lean[self.pairs], -STEEPEST_LEAN, STEEPEST_LEAN)
+        moves = step[n_shape + n_lean :].reshape(len(self.parts), self.tangents.shape[1])
+        axis[self.parts] += np.einsum("pt,ptd->pd", moves, self.tangents[self.parts])
+        axis /= np.linalg.norm(axis, axis=1)[:, None]
+        return Parameters(shape, lean, axis, start.curved)
+
+    def blocked(self, parameters: Parameters, gradient: Array) -> BoolArray:
+        """Return (n,) which unknowns sit at a bound and would leave it downhill."""
+        n_shape, n_lean, _ = self.sizes
+        low, high = self.bounds
+        value = np.concatenate([parameters.shape[self.joints].ravel(), parameters.lean[self.pairs].ravel()])
+        lower = np.concatenate([np.tile(low, len(self.joints)), np.full(n_lean, -STEEPEST_LEAN)])
+        upper = np.concatenate([np.tile(high, len(self.joints)), np.full(n_lean, STEEPEST_LEAN)])
+        blocked = np.zeros(len(gradient), dtype=np.bool_)
+        downhill = gradient[: n_shape + n_lean]
+        blocked[: n_shape + n_lean] = ((value <= lower) & (downhill > 0)) | ((value >= upper) & (downhill < 0))
+        return blocked
+
+    def columns(self, shapes: Shapes) -> IntArray:
+        """Return (S + L, E) the unknown that each joint's parameter is, −1 for none."""
+        count, n_shape = len(shapes.pair), self.sizes[0]
+        s, lean = len(shapes.rest), shapes.n_lean
+        columns = np.full((s + lean, count), -1)
+        columns[:s, self.joints] = np.arange(n_shape).reshape(len(self.joints), s).T
+        where = np.full(len(shapes.pair_normal), -1)
+        where[self.pairs] = np.arange(len(self.pairs))
+        mine = where[shapes.pair[self.joints]]
+        for k in range(lean):
+            columns[s + k, self.joints] = n_shape + mine * lean + k
+        return columns
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """The objective about one point: value, gradient (n,), Gauss–Newton matrix (n, n), E, worst violation."""
+
+    value: float
+    gradient: Array
+    matrix: Array
+    result: EnergyResult
+    violation: float
+
+
+def value_of(problem: Problem, parameters: Parameters, warm: EnergyResult | None) -> tuple[float, EnergyResult, Array]:
+    """Return energy plus penalties, E of every case (with the designer's inset) and the hinges (E, H)."""
+    options = problem.shapes.options
+    result = evaluate(problem, parameters, options.inset, warm)
+    surface = surface_of(problem, parameters)
+    hinges = _hinges(problem, parameters, surface, options.alpha_margin_rad)
+    heights = parameters.shape[parameters.curved][:, list(problem.shapes.heights)]
+    value = ENERGY_WEIGHT * result.total + PENALTY_WEIGHT * float((np.maximum(hinges, 0.0) ** 2).sum())
+    return value + SHALLOW_WEIGHT * float((heights**2).sum()), result, hinges
+
+
+def linearised(problem: Problem, layout: Layout, parameters: Parameters, warm: EnergyResult | None = None) -> Linear:
+    """Return the objective about `parameters`; derivatives of surfaces by forward differences, all joints at once."""
+    shapes, loads, pairs = problem.shapes, problem.loads, problem.pairs
+    value, result, hinges = value_of(problem, parameters, warm)
+    size = sum(layout.sizes)
+    columns = layout.columns(shapes)
+    step = 1e-6
+    surface = surface_of(problem, parameters)
+    base = _wrenches(problem, surface, result)
+    n_shape = parameters.shape.shape[1]
+    changes, bends = [], []
+    for p in range(len(columns)):
+        shape, lean = parameters.shape.copy(), parameters.lean.copy()
+        if p < n_shape:
+            shape[:, p] += step
+        else:
+            lean[:, p - n_shape] += step
+        ahead = Parameters(shape, lean, parameters.axis, parameters.curved)
+        moved = surface_of(problem, ahead)
+        changes.append((_wrenches(problem, moved, result) - base) / step)
+        bends.append((_hinges(problem, ahead, moved, shapes.options.alpha_margin_rad) - hinges) / step)
+    gradient, matrix = np.zeros(size), np.zeros((size, size))
+    for k in range(len(loads.gravity)):
+        balance = np.zeros((len(loads.about), loads.wrenches.shape[2], size))
+        for p, change in enumerate(changes):
+            used = np.flatnonzero(columns[p] >= 0)
+            for side in (0, 1):
+                np.add.at(balance, (pairs[used, side], slice(None), columns[p, used]), change[k, used, side])
+        free = loads.free[k]
+        b = balance[free].reshape(-1, size)
+        gradient += ENERGY_WEIGHT * (result.motions[k][free].ravel() @ b)
+        left = _unanswered(result, k, free, b)
+        matrix += ENERGY_WEIGHT * (left.T @ left)
+    _add_penalties(problem, layout, parameters, hinges, bends, columns, gradient, matrix)
+    heights = np.zeros(size)
+    for h in shapes.heights:
+        heights[columns[h, layout.joints]] = parameters.shape[layout.joints, h]
+    gradient += 2.0 * SHALLOW_WEIGHT * heights
+    strict = _hinges(problem, parameters, surface, 0.0)
+    return Linear(value, gradient, matrix, result, float(strict.max(initial=0.0)))
+
+
+def _wrenches(problem: Problem, surface: Array, result: EnergyResult) -> Array:
+    """Return (K, E, 2, dof): what each joint's forces and moved mass do to its two parts, over |w| of the case."""
+    shapes, loads = problem.shapes, problem.loads
+    points, normals = shapes.rays(_inset(shapes, surface, shapes.options.inset))
+    return joint_wrenches(loads, problem.pairs, points, normals, result.forces, *shapes.transferred(surface))
+
+
+def _unanswered(result: EnergyResult, case: int, free: BoolArray, b: Array) -> Array:
+    """Return R⁻ᵀb with RᵀR = M: what the active forces of a case cannot take up of balance changes b (n, m)."""
+    system, forces = result.system, result.forces[case].ravel()
+    active = np.flatnonzero(forces > 1e-9 * max(float(forces.max(initial=0.0)), 1e-300))
+    rows = system.matrix[active].toarray()[:, np.repeat(free[system.free], system.dof)]
+    matrix = np.eye(rows.shape[1]) + rows.T @ (rows * (forces[active] / STIFF)[:, None])
+    factor = cholesky(matrix, lower=True, overwrite_a=True, check_finite=False)
+    return np.asarray(solve_triangular(factor, b, lower=True, check_finite=False))
+
+
+def _add_penalties(
+    problem: Problem,
+    layout: Layout,
+    parameters: Parameters,
+    hinges: Array,
+    bends: list[Array],
+    columns: IntArray,
+    gradient: Array,
+    matrix: Array,
+) -> None:
+    joint, row = np.nonzero(hinges > 0.0)
+    if not len(joint):
+        return
+    slopes = np.zeros((len(joint), len(gradient)))
+    index = np.arange(len(joint))
+    for p, bend in enumerate(bends):
+        known = columns[p, joint] >= 0
+        slopes[index[known], columns[p, joint[known]]] += bend[joint[known], row[known]]
+    if problem.alpha_rad is not None:
+        _, normals = problem.shapes.rays(surface_of(problem, parameters))
+        first = hinges.shape[1] - normals.shape[1]
+        place = np.full(len(parameters.axis), -1)
+        place[layout.parts] = np.arange(len(layout.parts))
+        about = row >= first
+        later = problem.pairs[joint[about], 1]
+        t = layout.tangents.shape[1]
+        start = layout.sizes[0] + layout.sizes[1] + place[later] * t
+        pull = np.einsum("hd,htd->ht", normals[joint[about], row[about] - first], layout.tangents[later])
+        for k in range(t):
+            slopes[index[about], start + k] -= pull[:, k]
+    violated = hinges[joint, row]
+    gradient += 2.0 * PENALTY_WEIGHT * (slopes.T @ violated)
+    matrix += 2.0 * PENALTY_WEIGHT * (slopes.T @ slopes)
+
+
+def descend(
+    problem: Problem, start: Parameters, steps: int, progress: Callable[[int, float], None] | None
+) -> tuple[Parameters, int]:
+    """Return where Levenberg–Marquardt steps end: everything holds, nothing moves, or `steps` are used up."""
+    parameters, damping = start, 1e-3
+    warm: EnergyResult | None = None
+    values: list[float] = []
+    for count in range(steps):
+        layout = Layout.of(problem, parameters)
+        here = linearised(problem, layout, parameters, warm)
+        warm, worst = here.result, float(here.result.infeasibility.max())
+        values.append(here.value)
+        if progress is not None:
+            progress(count, worst)
+        stalled = len(values) > PATIENCE and values[-1] > 0.7 * values[-1 - PATIENCE]
+        if (here.violation <= VIOLATED and worst <= 0.1 * MARGIN_SOLVED) or stalled or not len(here.gradient):
+            return parameters, count + 1
+        for _ in range(6):
+            ahead = layout.moved(parameters, _step(layout, parameters, here, damping))
+            if value_of(problem, ahead, warm)[0] < here.value * (1.0 - 1e-6):
+                parameters, damping = ahead, max(damping / 4.0, 1e-9)
+                break
+            damping = max(damping * 6.0, 1e-6)
+        else:
+            return parameters, count + 1
+    return parameters, steps
+
+
+def _step(layout: Layout, parameters: Parameters, here: Linear, damping: float) -> Array:
+    """Return the damped Gauss–Newton step; unknowns at a bound that the gradient pushes against stay there."""
+    movable = ~layout.blocked(parameters, here.gradient)
+    matrix = here.matrix[np.ix_(movable, movable)]
+    diagonal = np.diag(matrix)
+    damped = matrix + np.diag(damping * (diagonal + 0.1 * diagonal.max(initial=0.0) + 1e-12))
+    step = np.zeros(len(movable))
+    step[movable] = -cho_solve(cho_factor(damped, lower=True), here.gradient[movable])
+    return np.clip(step, -LONGEST_STEP, LONGEST_STEP)
