@@ -65,6 +65,8 @@ class UrArm:
         self._moving = False
         self._program_stopped = False
         self._cleared = False
+        self._fed_at = 0.0
+        self._unfed_s = 0.0
         self._bias = np.zeros(6)
 
     # Opening and closing
@@ -199,7 +201,7 @@ class UrArm:
             end = time.monotonic() + 1.1 * last + 2.0
             clock, arm_time, pace = 0.0, state.time_s, CYCLE_S
             trail: deque[Array] = deque(maxlen=50)
-            self._moving = True
+            self._moving, self._fed_at, self._unfed_s = True, time.monotonic(), 0.0
             while True:
                 # A late cycle is not made up for: the path only takes longer, the arm never hurries after it.
                 elapsed = max(state.time_s - arm_time, 0.0)
@@ -242,6 +244,7 @@ class UrArm:
             speeds = [limits.insert_speed_m_s] * 3 + [limits.abort_tilt_rad] * 3
             wrench = [0.0, 0.0, limits.push_force_n, 0.0, 0.0, 0.0]
             self._forcing = self._moving = True
+            self._fed_at, self._unfed_s = time.monotonic(), 0.0
             self._hands_call("forceMode", list(frame_along(axis, start.tcp)), [1, 1, 1, 0, 0, 0], wrench, 2, speeds)
             while True:
                 time.sleep(CYCLE_S)
@@ -308,6 +311,9 @@ class UrArm:
     def _end(self, stop: Stopped, waypoint: int | None = None) -> Outcome:
         """Return the outcome of a motion that must end, after ending it."""
         detail = stop.detail
+        unfed = max(self._unfed_s, time.monotonic() - self._fed_at)
+        if stop.status is ExecutionStatus.PROGRAM_STOPPED and self._moving and unfed > 0.9 / self.limits.watchdog_hz:
+            detail += f"; this computer was too busy to feed the controller's watchdog, once for {1e3 * unfed:.0f} ms"
         if stop.status is ExecutionStatus.CONNECTION_LOST and self._hands is not None:
             # A library that finds its connection again would repeat its last command: it must not get the chance.
             self._hands.kill()
@@ -339,6 +345,8 @@ class UrArm:
         except LinkLost as error:
             self._watch()  # a safety stop explains more than a lost call
             raise Stopped(ExecutionStatus.CONNECTION_LOST, f"command {error}", self._monitor.last) from error
+        now = time.monotonic()
+        self._unfed_s, self._fed_at = max(self._unfed_s, now - self._fed_at), now
         return answer
 
     def _order(self, name: str, *args: object) -> None:

@@ -14,7 +14,7 @@ from mocca_robot.ur.models import RobotModel
 from mocca_robot.ur.pose import pose_of, rotation_vector, transform
 
 SERVO_LAG_S = 0.04
-STOP_S = 0.05
+STOP_RAD_S2 = 10.0
 STOPPED, PLAYING, PAUSED = 1, 2, 4
 NORMAL, PROTECTIVE, SAFEGUARD, ROBOT_EMERGENCY = 1, 3, 5, 7
 RUNNING, POWER_OFF = 7, 3
@@ -243,8 +243,8 @@ class FakeArm:
         before = self.tcp
         wanted = self._velocity(dt) * self.slider
         if self.mode == "idle":
-            wanted = self.qd * max(0.0, 1.0 - dt / STOP_S)
-            wanted[np.abs(wanted) < 1e-4] = 0.0
+            fastest = float(np.abs(self.qd).max())
+            wanted = self.qd * (max(fastest - STOP_RAD_S2 * dt, 0.0) / max(fastest, 1e-9))
             if self._busy and not wanted.any():
                 self._busy = False
                 self.out_ints[0] = 2
