@@ -13,14 +13,15 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from mocca_robot.assembly import Array, Assembly
+from mocca_robot.assembly import Array, Assembly, Polygon
 from mocca_robot.contacts import Contact
 from sim.contact_model import ContactModel, Geom, facets, geom
+from sim.convex_pieces import convex_pieces
 
-RADIUS = 0.01
-"""Of the spheres, relative to the size of the part's contact region."""
-DEPTH = 0.05
-"""Of the prisms, relative to the same."""
+RADIUS = 0.1
+"""Of the spheres, relative to the size of a small facet: they must fit into the tip of a bump."""
+DEPTH = 0.3
+"""Of the prisms, relative to the same: beneath a sharp ridge deeper ones would come out on the other side."""
 
 
 def solid_pieces(assembly: Assembly, contacts: Sequence[Contact], part: int, clearance: float = 0.0) -> ContactModel:
@@ -28,13 +29,14 @@ def solid_pieces(assembly: Assembly, contacts: Sequence[Contact], part: int, cle
 
     The earlier parts carry each other by facet pairs, for when they are left free.
     """
-    mine = merged([c for c in contacts if c.parts[1] == part])
+    mine = merged([piece for c in contacts if c.parts[1] == part for piece in convex_contacts(c)])
     others = facets(assembly, [c for c in contacts if c.parts[1] < part])
     if not mine:
         return others
     corners = np.concatenate([c.polygon for c in mine])
     reach = float(np.linalg.norm(np.ptp(corners, axis=0)))
-    radius, depth = RADIUS * reach, DEPTH * reach
+    small = min(0.1 * reach, float(np.percentile([np.sqrt(c.measure) for c in mine], 10)))
+    radius, depth = RADIUS * small, DEPTH * small
     geoms: list[Geom] = list(others.geoms)
     for point, inward in zip(*_mean_normals(mine, reach)):
         centre = point + (radius + clearance) * inward
@@ -71,12 +73,34 @@ def merged(contacts: Sequence[Contact], tolerance: float = 1e-6) -> tuple[Contac
     return tuple(out)
 
 
-def _hull(group: Sequence[Contact]) -> Array | None:
-    points = np.concatenate([c.polygon for c in group])
-    normal = group[0].normal
+def convex_contacts(contact: Contact) -> tuple[Contact, ...]:
+    """Return convex contacts that together are `contact`, which may have dents and holes."""
+    x, y = _axes(contact.normal)
+    rings = [np.stack([ring @ x, ring @ y], axis=1) for ring in (contact.polygon, *contact.holes)]
+    hull = _hull([contact])
+    if not contact.holes and hull is not None and len(hull) == len(contact.polygon):
+        return (contact,)
+    pieces = convex_pieces(Polygon(rings[0], tuple(rings[1:])))
+    corners = np.concatenate([contact.polygon, *contact.holes])
+    flat = np.concatenate(rings)
+    out = []
+    for piece in pieces:
+        # The corners themselves, so that neighbouring facets keep sharing them to the last digit.
+        nearest = np.linalg.norm(flat[None] - piece[:, None], axis=2).argmin(axis=1)
+        out.append(Contact(contact.parts, corners[nearest], contact.normal))
+    return tuple(out)
+
+
+def _axes(normal: Array) -> tuple[Array, Array]:
     seed = np.eye(3)[np.abs(normal).argmin()]
     x = np.cross(seed, normal) / np.linalg.norm(np.cross(seed, normal))
-    flat = np.stack([points @ x, points @ np.cross(normal, x)], axis=1)
+    return x, np.cross(normal, x)
+
+
+def _hull(group: Sequence[Contact]) -> Array | None:
+    points = np.concatenate([c.polygon for c in group])
+    x, y = _axes(group[0].normal)
+    flat = np.stack([points @ x, points @ y], axis=1)
     try:
         return np.asarray(points[ConvexHull(flat).vertices])
     except QhullError:
