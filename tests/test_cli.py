@@ -303,6 +303,13 @@ def test_export(slope: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert only_json(capsys.readouterr().out)["contacts"] == 2
     assert main(["export", str(slope), "--format", "stl", "-o", str(tmp_path / "stl")]) == 2
     assert "flat" in capsys.readouterr().err
+    import mujoco
+
+    assert main(["export", str(slope), "--format", "mjcf", "-o", str(tmp_path / "mjcf"), "--json"]) == 0
+    (scene,) = only_json(capsys.readouterr().out)["files"]
+    assert mujoco.MjModel.from_xml_path(scene).nbody >= 3
+    assert main(["export", str(slope), "--format", "urdf", "-o", str(tmp_path / "urdf"), "--json"]) == 0
+    assert len([f for f in only_json(capsys.readouterr().out)["files"] if f.endswith(".urdf")]) == 3
 
 
 def test_info_has_worked_with_every_solver(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -119,40 +119,6 @@ def design_findings(assembly: Assembly, designed: Designed) -> list[Finding]:
             "those contacts at another angle, or ask for a smaller alpha_deg."
         )
         found.append(Finding("narrow", text, (part.part, *part.blockers)))
-    return found
-
-
-def simulation_findings(assembly: Assembly, simulation: Mapping[str, Any]) -> list[Finding]:
-    """Return what physics holds against an assembly, from the data of simulation.json."""
-    found = [Finding("disagreement", f"MuJoCo and statics disagree: {d}.") for d in simulation.get("disagreements", ())]
-    states = simulation.get("states", ())
-    required = states if any(isinstance(g, SupportFree) for g in assembly.goals) else states[-1:]
-    if all(g.kind == "interlocking" for g in assembly.goals):
-        required = []
-    for state in required:
-        if state["stable"] is False:
-            moved = tuple(state["moved"])
-            text = f"Does not stand in MuJoCo after placing '{state['placed']}': {quoted(moved)} moved."
-            found.append(Finding("falls", text, moved, f"state_{state['placed']}"))
-    for state in states:
-        if state["stable"] is None:
-            text = f"MuJoCo gave no verdict after placing '{state['placed']}': {state.get('reason', 'the run failed')}."
-            found.append(Finding("inaccurate", text, (), f"state_{state['placed']}"))
-    for entry in simulation.get("insertion", ()):
-        inside, outside = entry["inside"], entry["outside"]
-        failed = inside["trials"] - inside["succeeded"]
-        if failed:
-            reasons = {str(t.get("reason")) for t in entry.get("trials", ()) if t["kind"] != "outside"} - {"", "None"}
-            jam = next((t for t in entry.get("trials", ()) if t["kind"] != "outside" and not t["succeeded"]), None)
-            why = f" ({jam['reason']})" if jam is not None and reasons else ""
-            text = f"'{entry['part']}' jams in {failed} of {inside['trials']} insertions inside its cone{why}."
-            found.append(Finding("jams", text, (entry["part"],)))
-        if outside["succeeded"]:
-            text = (
-                f"'{entry['part']}' goes in along {outside['succeeded']} of {outside['trials']} directions outside its "
-                "cone, which geometry says are blocked."
-            )
-            found.append(Finding("disagreement", text, (entry["part"],)))
     return found
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
 from mocca_robot.errors import InputError
+
+if TYPE_CHECKING:
+    from mocca_robot.assembly import Assembly
 
 FORMATS = {
     "svg": "flat parts nested on a sheet, real scale, kerf and clearance applied",
@@ -17,6 +20,8 @@ FORMATS = {
     "stl": "one mesh per part, in millimetres",
     "3mf": "one mesh per part",
     "glb": "the whole assembly for viewers",
+    "mjcf": "a folder with a MuJoCo model that stands by itself",
+    "urdf": "one per part, with its mesh",
     "json": "the parts as an assembly file",
     "urscript": "a plan.json as a program for a UR controller",
 }
@@ -74,6 +79,8 @@ def _parts(args: argparse.Namespace) -> list[Path]:
         _writable(target.parent)
         write = write_cut_svg if args.format == "svg" else write_cut_dxf
         return [write(assembly, target, config.cut)]
+    if args.format in ("mjcf", "urdf"):
+        return _models(args.format, assembly, _writable(Path(args.output or f"{stem}_{args.format}")))
     if assembly.dimension == 2:
         raise InputError(f"'{assembly.name}' is flat; export it as one of {', '.join(SHEETS)}, not as {args.format}.")
     if args.format == "glb":
@@ -90,6 +97,20 @@ def _parts(args: argparse.Namespace) -> list[Path]:
     # Slicers read STL in millimetres; 3MF says its unit itself.
     unit = "mm" if args.format == "stl" else "m"
     return write_parts([names[n] for n in assembly.sequence], meshes, folder, args.format, unit)
+
+
+def _models(kind: str, assembly: Assembly, folder: Path) -> list[Path]:
+    from sim.mjcf import export_mjcf, export_urdf
+
+    if kind == "urdf":
+        return list(export_urdf(assembly, folder))
+    from mocca_robot.contacts import find_contacts, require_sound
+    from sim.contact_model import contact_model
+    from sim.stability import free_scene
+
+    report = find_contacts(assembly)
+    require_sound(assembly, report)
+    return [export_mjcf(free_scene(assembly, contact_model(assembly, report.contacts)), folder)]
 
 
 def _writable(folder: Path) -> Path:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mocca_robot.assembly import Assembly
-from mocca_robot.cli import evidence
+from mocca_robot.cli import evidence, physics_evidence
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.evidence import Finding
 from mocca_robot.contacts import ContactReport, find_contacts, require_sound
@@ -165,7 +165,7 @@ def simulated(outcome: Outcome, questions: Questions, folder: Path, console: Con
         found = simulate(assembly, ways, questions, lambda what, done, total: show(f"{done} of {total}: {what}"), store)
         path = write_simulation(found, folder / "simulation.json")
     data = simulation_to_data(found)
-    findings = (*outcome.findings, *evidence.simulation_findings(assembly, data))
+    findings = (*outcome.findings, *physics_evidence.simulation_findings(assembly, data))
     files = {**outcome.files, "simulation": path}
     return replace(outcome, simulation=data, findings=findings, files=files), found.interrupted
 

@@ -1,0 +1,87 @@
+"""What MuJoCo holds against an assembly, and where it contradicts statics, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mocca_robot.assembly import Assembly, SupportFree
+from mocca_robot.cli.evidence import Finding, quoted
+from mocca_robot.report.findings import TILT_AGREEMENT_DEG
+
+
+def simulation_findings(assembly: Assembly, simulation: Mapping[str, Any]) -> list[Finding]:
+    """Return what physics holds against an assembly, from the data of simulation.json."""
+    found = [Finding("disagreement", text) for text in _disagreements(assembly, simulation)]
+    states = simulation.get("states", ())
+    required = states if any(isinstance(g, SupportFree) for g in assembly.goals) else states[-1:]
+    if all(g.kind == "interlocking" for g in assembly.goals):
+        required = []
+    for state in required:
+        if state["stable"] is False:
+            moved = tuple(state["moved"])
+            text = f"Does not stand in MuJoCo after placing '{state['placed']}': {quoted(moved)} moved."
+            found.append(Finding("falls", text, moved, f"state_{state['placed']}"))
+    for state in states:
+        if state["stable"] is None:
+            text = f"MuJoCo gave no verdict after placing '{state['placed']}': {state.get('reason', 'the run failed')}."
+            found.append(Finding("inaccurate", text, (), f"state_{state['placed']}"))
+    for entry in simulation.get("insertion", ()):
+        inside, outside = entry["inside"], entry["outside"]
+        failed = inside["trials"] - inside["succeeded"]
+        if failed:
+            reasons = {str(t.get("reason")) for t in entry.get("trials", ()) if t["kind"] != "outside"} - {"", "None"}
+            jam = next((t for t in entry.get("trials", ()) if t["kind"] != "outside" and not t["succeeded"]), None)
+            why = f" ({jam['reason']})" if jam is not None and reasons else ""
+            text = f"'{entry['part']}' jams in {failed} of {inside['trials']} insertions inside its cone{why}."
+            found.append(Finding("jams", text, (entry["part"],)))
+        if outside["succeeded"]:
+            text = (
+                f"'{entry['part']}' goes in along {outside['succeeded']} of {outside['trials']} directions outside its "
+                "cone, which geometry says are blocked."
+            )
+            found.append(Finding("disagreement", text, (entry["part"],)))
+    return found
+
+
+def _disagreements(assembly: Assembly, simulation: Mapping[str, Any]) -> list[str]:
+    found = []
+    for state in simulation.get("states", ()):
+        if state["stable"] is not None and state["statics_stable"] is not None and not state["agrees"]:
+            physics, statics = ("stands" if state[k] else "falls" for k in ("stable", "statics_stable"))
+            found.append(f"After placing '{state['placed']}' it {physics} in MuJoCo and {statics} by statics.")
+    for tilt in simulation.get("tilt", ()):
+        if tilt["runs_without_verdict_deg"]:
+            count = len(tilt["runs_without_verdict_deg"])
+            found.append(f"{count} of MuJoCo's runs gave no verdict at a {_tilt_words(assembly, tilt)}.")
+        elif _apart(assembly, tilt) and not bounded(tilt):
+            found.append(f"MuJoCo and statics disagree on the {_tilt_words(assembly, tilt)}.")
+    return found
+
+
+def bounds(assembly: Assembly, simulation: Mapping[str, Any]) -> list[str]:
+    """Return where MuJoCo falls earlier than statics with friction allows: worth knowing, but no contradiction."""
+    early = [t for t in simulation.get("tilt", ()) if bounded(t) and _apart(assembly, t)]
+    return [f"T{_tilt_words(assembly, t)[1:]}: with friction statics is an upper bound." for t in early]
+
+
+def bounded(tilt: Mapping[str, Any]) -> bool:
+    """Return whether statics only bounds this tilt: some friction forces could hold it, real ones need not."""
+    return bool(tilt["friction"] > 0.0 and tilt["critical_deg"] < tilt["statics_deg"])
+
+
+def _apart(assembly: Assembly, tilt: Mapping[str, Any]) -> bool:
+    apart = abs(float(tilt["critical_deg"]) - float(tilt["statics_deg"]))
+    return bool(apart > TILT_AGREEMENT_DEG[assembly.dimension])
+
+
+def _tilt_words(assembly: Assembly, tilt: Mapping[str, Any]) -> str:
+    where = f"{tilt['azimuth_deg']:.0f}°"
+    if assembly.dimension == 2:
+        where = "the right" if np.cos(np.deg2rad(tilt["azimuth_deg"])) >= 0 else "the left"
+    return (
+        f"tilt towards {where} (friction {tilt['friction']:g}): {tilt['critical_deg']:.2f}° in MuJoCo, "
+        f"{tilt['statics_deg']:.2f}° by statics"
+    )

@@ -1,0 +1,85 @@
+"""Verdicts in words: what counts as a contradiction between physics and statics, and what does not."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mocca_robot.assembly import Assembly, Equilibrium, Goal, Interlocking, Part, Polygon, SupportFree
+from mocca_robot.cli.physics_evidence import bounds, simulation_findings
+
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+
+def assembly(*goals: Goal) -> Assembly:
+    parts = tuple(Part(name, Polygon(SQUARE + np.array([0.0, k])), fixed=k == 0) for k, name in enumerate(("a", "b", "c")))
+    return Assembly("x", parts, goals or (Equilibrium(),))
+
+
+def state(placed: str, stable: bool | None, statics: bool | None) -> dict[str, Any]:
+    return {
+        "placed": placed,
+        "stable": stable,
+        "statics_stable": statics,
+        "agrees": stable is not None and stable == statics,
+        "moved": [] if stable else [placed],
+        "reason": "the clock stopped",
+    }
+
+
+def tilt(critical: float, statics: float, friction: float, failed: tuple[float, ...] = ()) -> dict[str, Any]:
+    return {
+        "azimuth_deg": 0.0,
+        "critical_deg": critical,
+        "statics_deg": statics,
+        "friction": friction,
+        "runs_without_verdict_deg": list(failed),
+    }
+
+
+def kinds(simulation: dict[str, Any], *goals: Goal) -> list[str]:
+    return [f.kind for f in simulation_findings(assembly(*goals), simulation)]
+
+
+def test_falling_states_count_only_where_they_are_asked_for() -> None:
+    states = {"states": [state("b", False, False), state("c", True, True)]}
+    assert kinds(states) == []
+    assert kinds(states, SupportFree()) == ["falls"]
+    end = {"states": [state("b", True, True), state("c", False, False)]}
+    assert kinds(end) == ["falls"]
+    assert kinds(end, Interlocking("c")) == []
+
+
+def test_every_disagreement_counts_asked_for_or_not() -> None:
+    states = {"states": [state("b", False, True), state("c", True, True)]}
+    assert kinds(states) == ["disagreement"]
+    assert kinds({"states": [state("b", None, True), state("c", True, True)]}) == ["inaccurate"]
+
+
+@pytest.mark.parametrize(
+    ("critical", "statics", "friction", "found", "noted"),
+    [
+        (2.4, 2.5, 0.0, [], 0),
+        (1.5, 2.5, 0.0, ["disagreement"], 0),
+        (10.0, 12.0, 0.3, [], 1),  # some friction forces could hold it, the real ones do not
+        (12.0, 10.0, 0.3, ["disagreement"], 0),  # but nothing holds more than any forces could
+    ],
+)
+def test_friction_makes_statics_an_upper_bound(
+    critical: float, statics: float, friction: float, found: list[str], noted: int
+) -> None:
+    simulation = {"tilt": [tilt(critical, statics, friction)]}
+    assert kinds(simulation) == found
+    assert len(bounds(assembly(), simulation)) == noted
+
+
+def test_runs_without_a_verdict_are_never_hidden() -> None:
+    assert kinds({"tilt": [tilt(10.0, 12.0, 0.3, failed=(10.5,))]}) == ["disagreement"]
+
+
+def test_jams_inside_and_passages_outside_the_cone() -> None:
+    trials = [{"kind": "rim", "succeeded": False, "reason": "penetrated by 1 mm"}]
+    entry = {"part": "b", "inside": {"trials": 1, "succeeded": 0}, "outside": {"trials": 2, "succeeded": 1}}
+    found = simulation_findings(assembly(), {"insertion": [{**entry, "trials": trials}]})
+    assert [f.kind for f in found] == ["jams", "disagreement"]
+    assert "penetrated by 1 mm" in found[0].text and all(f.parts == ("b",) for f in found)
