@@ -110,20 +110,23 @@ def _hull(group: Sequence[Contact]) -> Array | None:
 def _mean_normals(contacts: Sequence[Contact], reach: float) -> tuple[Array, Array]:
     """Return the distinct corners (m, 3) and, for each, a vector into the later part that is at least 1 deep.
 
-    Deep means measured along the normal of every facet that meets there.
+    Deep means measured along the normal of every facet that meets there, also of one whose edge merely passes
+    through: a flat frame's edge runs along many corners of the patch inside it.
     """
-    found: dict[tuple[int, ...], tuple[Array, list[Array]]] = {}
-    for contact in contacts:
-        for point in contact.polygon:
-            found.setdefault(_key(point, reach), (point, []))[1].append(contact.normal)
-    points, inward = [], []
-    for point, normals in found.values():
-        mean = np.sum(np.unique(np.round(normals, 6), axis=0), axis=0)
+    points = np.array(list({_key(p, reach): p for c in contacts for p in c.polygon}.values()))
+    start = np.concatenate([c.polygon for c in contacts])
+    edge = np.concatenate([np.roll(c.polygon, -1, axis=0) for c in contacts]) - start
+    normals = np.concatenate([np.tile(c.normal, (len(c.polygon), 1)) for c in contacts])
+    inward = []
+    for point in points:
+        offset = point - start
+        along = np.clip((offset * edge).sum(axis=1) / np.maximum((edge**2).sum(axis=1), 1e-300), 0.0, 1.0)
+        meets = np.linalg.norm(offset - along[:, None] * edge, axis=1) < 1e-5 * reach
+        mine = np.unique(np.round(normals[meets], 6), axis=0)
+        mean = mine.sum(axis=0)
         mean /= max(float(np.linalg.norm(mean)), 1e-9)
-        least = float((np.array(normals) @ mean).min())
-        points.append(point)
-        inward.append(mean / max(least, 0.2))
-    return np.array(points), np.array(inward)
+        inward.append(mean / max(float((mine @ mean).min()), 0.2))
+    return points, np.array(inward)
 
 
 def _key(point: Array, reach: float) -> tuple[int, ...]:
