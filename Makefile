@@ -39,7 +39,9 @@ demo: setup
 	@$(BIN)/mocca-robot run configs/leaning_tower_20.yaml -o out/leaning_tower_20; status=$$?; \
 		echo "Open $(CURDIR)/out/leaning_tower_20/report.html"; exit $$status
 
-test: style types unit
+# All three even when one fails, so that one run tells everything; pytest's closing line comes last.
+test: setup
+	@failed=0; for check in style types unit; do $(MAKE) --no-print-directory $$check || failed=1; done; exit $$failed
 
 style: setup
 	$(BIN)/ruff check .

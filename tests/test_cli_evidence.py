@@ -12,7 +12,8 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
 def assembly(*goals: Goal) -> Assembly:
-    parts = tuple(Part(name, Polygon(SQUARE + np.array([0.0, k])), fixed=k == 0) for k, name in enumerate(("a", "b", "c")))
+    shapes = [Polygon(SQUARE + np.array([0.0, height])) for height in range(3)]
+    parts = tuple(Part(name, shape, fixed=name == "a") for name, shape in zip("abc", shapes))
     return Assembly("x", parts, goals or (Equilibrium(),))
 
 
