@@ -25,7 +25,7 @@ from sim.convex_pieces import convex_pieces
 
 BUDGET = 4800
 """Contact points of a whole model: a dome of 400 joints then gets 12 a joint and takes about 60 steps a second."""
-RESOLUTION = (12, 48)
+RESOLUTION = (12, 128)
 """Fewest and most contact points of a pair of parts."""
 
 

@@ -97,6 +97,7 @@ class Simulation:
     Attributes:
         name: of the assembly.
         engine: 'mujoco 3.17.0'.
+        dimension: 2 or 3.
         states: one per free part, in assembly order.
         tilt: by friction, then azimuth.
         cones, insertion: per part; every insertion trial.
@@ -108,6 +109,7 @@ class Simulation:
 
     name: str
     engine: str
+    dimension: int
     states: tuple[StateResult, ...] = ()
     tilt: tuple[TiltReport, ...] = ()
     cones: tuple[ConeSummary, ...] = ()
@@ -123,7 +125,7 @@ class Simulation:
         out = [
             f"state after '{s.placed}': MuJoCo {s.verdict}, statics {s.statics}" for s in self.states if not s.agrees
         ]
-        limit = np.deg2rad(0.5 if self._flat else 3.0)
+        limit = np.deg2rad(0.5 if self.dimension == 2 else 1.5)
         for t in self.tilt:
             if abs(t.difference_rad) > limit or t.failed:
                 found, expected = np.rad2deg(t.critical_rad), np.rad2deg(t.statics_rad)
@@ -133,10 +135,6 @@ class Simulation:
                 failed = f", {len(t.failed)} runs gave no verdict" if t.failed else ""
                 out.append(f"{where}: MuJoCo {found:.2f}°, statics {expected:.2f}°{bound}{failed}")
         return tuple(out)
-
-    @property
-    def _flat(self) -> bool:
-        return not self.cones or len(self.cones[0].axis) == 2
 
     @property
     def needs_support(self) -> tuple[str, ...]:
@@ -170,7 +168,7 @@ def simulate(
     report = find_contacts(assembly)
     require_sound(assembly, report)
     work = _Work(assembly, report.contacts, insertion or {}, questions, progress, store)
-    result = Simulation(assembly.name, f"mujoco {mujoco.__version__}", notes=_near_misses(report))
+    result = Simulation(assembly.name, f"mujoco {mujoco.__version__}", assembly.dimension, notes=_near_misses(report))
     stages: tuple[tuple[str, Callable[[Simulation], Simulation]], ...] = (
         ("states", work.states),
         ("tilt", work.tilt),
