@@ -8,6 +8,7 @@ opposite sign before it is flat again. Between two knots the steepest slope is 3
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -81,7 +82,7 @@ def _simplified(points: Array) -> Array:
     """Return `points` (V, 2) without repeats and without points on the line through their neighbours."""
     length = float(np.linalg.norm(points[-1] - points[0]))
     kept = [points[0]]
-    for here, after in zip(points[1:-1], points[2:]):
+    for here, after in pairwise(points[1:]):
         first, second = here - kept[-1], after - kept[-1]
         if np.linalg.norm(first) <= 1e-9 * length:
             continue
