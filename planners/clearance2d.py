@@ -111,8 +111,8 @@ def _boundary_pieces(assembly: Assembly, contacts: Sequence[Contact], part: int)
         off = np.abs(np.einsum("esd,ed->es", offset, outward)).max(axis=1)
         facing = outward @ contact.normal * (1.0 if contact.parts[0] == part else -1.0)
         inside = (along.min(axis=1) > -tolerance) & (along.max(axis=1) < length + tolerance)
-        for edge in np.flatnonzero(inside & (off < tolerance) & (facing > 0.9)):
-            cuts.setdefault(int(edge), []).append((float(along[edge].min()), float(along[edge].max()), e))
+        for k in np.flatnonzero(inside & (off < tolerance) & (facing > 0.9)):
+            cuts.setdefault(int(k), []).append((float(along[k].min()), float(along[k].max()), e))
     whole = np.ones(len(start), dtype=np.bool_)
     whole[list(cuts)] = False
     starts, ends, owners = [start[whole]], [end[whole]], [np.full(int(whole.sum()), -1)]

@@ -9,7 +9,7 @@ up all of it that they can; what is left of b is M⁻¹b with M = I + Bᵀ(F/σ)
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
@@ -64,8 +64,6 @@ VIOLATED = 1e-6
 """Hinge of a constraint, dimensionless, that counts as none."""
 PATIENCE = 6
 """Steps in which the objective has to fall by three tenths; slower than that it is on its way to a local rest."""
-STEEPEST_LEAN = 0.85
-"""Largest lean of u from its reference: radians in 2D (49°), tangents in 3D (40°)."""
 LONGEST_STEP = 0.2
 """Of any unknown in one step: contact sizes, radians."""
 STIFF = 1e-6
@@ -141,15 +139,18 @@ class Layout:
     parts: IntArray
     tangents: Array
     bounds: tuple[Array, Array]
-    sizes: tuple[int, int, int] = field(default=(0, 0, 0))
+    sizes: tuple[int, int, int]
+    steepest_lean: float
 
     @classmethod
     def of(cls, problem: Problem, parameters: Parameters) -> Layout:
         """Return the layout about `parameters`."""
         joints = np.flatnonzero(parameters.curved)
         pairs = np.unique(problem.shapes.pair[joints])
-        parts = np.unique(problem.pairs[:, 1]) if problem.alpha_rad is not None else np.zeros(0, dtype=np.int64)
         axis = parameters.axis
+        # In 3D a way out is a sweep-confirmed find among parts further away: joints are made for it, it stays.
+        turns = problem.alpha_rad is not None and axis.shape[1] == 2
+        parts = np.unique(problem.pairs[:, 1]) if turns else np.zeros(0, dtype=np.int64)
         if axis.shape[1] == 2:
             tangents = np.stack([-axis[:, 1], axis[:, 0]], axis=1)[:, None]
         else:
@@ -159,7 +160,7 @@ class Layout:
             tangents = np.stack([first, np.cross(axis, first)], axis=1)
         s, lean, t = parameters.shape.shape[1], parameters.lean.shape[1], tangents.shape[1]
         sizes = (len(joints) * s, len(pairs) * lean, len(parts) * t)
-        return cls(joints, pairs, parts, tangents, problem.shapes.bounds(), sizes)
+        return cls(joints, pairs, parts, tangents, problem.shapes.bounds(), sizes, problem.shapes.steepest_lean)
 
     def moved(self, start: Parameters, step: Array) -> Parameters:
         """Return `start` moved by `step`, shapes and leans kept within their bounds."""
@@ -168,7 +169,7 @@ class Layout:
         shape[self.joints] += step[:n_shape].reshape(len(self.joints), shape.shape[1])
         shape[self.joints] = np.clip(shape[self.joints], *self.bounds)
         lean[self.pairs] += step[n_shape : n_shape + n_lean].reshape(len(self.pairs), lean.shape[1])
-        lean[self.pairs] = np.clip(lean[self.pairs], -STEEPEST_LEAN, STEEPEST_LEAN)
+        lean[self.pairs] = np.clip(lean[self.pairs], -self.steepest_lean, self.steepest_lean)
         moves = step[n_shape + n_lean :].reshape(len(self.parts), self.tangents.shape[1])
         axis[self.parts] += np.einsum("pt,ptd->pd", moves, self.tangents[self.parts])
         axis /= np.linalg.norm(axis, axis=1)[:, None]
@@ -179,8 +180,8 @@ class Layout:
         n_shape, n_lean, _ = self.sizes
         low, high = self.bounds
         value = np.concatenate([parameters.shape[self.joints].ravel(), parameters.lean[self.pairs].ravel()])
-        lower = np.concatenate([np.tile(low, len(self.joints)), np.full(n_lean, -STEEPEST_LEAN)])
-        upper = np.concatenate([np.tile(high, len(self.joints)), np.full(n_lean, STEEPEST_LEAN)])
+        lower = np.concatenate([np.tile(low, len(self.joints)), np.full(n_lean, -self.steepest_lean)])
+        upper = np.concatenate([np.tile(high, len(self.joints)), np.full(n_lean, self.steepest_lean)])
         blocked = np.zeros(len(gradient), dtype=np.bool_)
         downhill = gradient[: n_shape + n_lean]
         blocked[: n_shape + n_lean] = ((value <= lower) & (downhill > 0)) | ((value >= upper) & (downhill < 0))
@@ -249,7 +250,7 @@ def linearised(problem: Problem, layout: Layout, parameters: Parameters, warm: E
         for p, change in enumerate(changes):
             used = np.flatnonzero(columns[p] >= 0)
             for side in (0, 1):
-                np.add.at(balance, (pairs[used, side], slice(None), columns[p, used]), change[k, used, side])
+                _scatter(balance, pairs[used, side], columns[p, used], change[k, used, side])
         free = loads.free[k]
         b = balance[free].reshape(-1, size)
         gradient += ENERGY_WEIGHT * (result.motions[k][free].ravel() @ b)
@@ -262,6 +263,12 @@ def linearised(problem: Problem, layout: Layout, parameters: Parameters, warm: E
     gradient += 2.0 * SHALLOW_WEIGHT * heights
     strict = _hinges(problem, parameters, surface, 0.0)
     return Linear(value, gradient, matrix, result, float(strict.max(initial=0.0)))
+
+
+def _scatter(balance: Array, part: IntArray, column: IntArray, change: Array) -> None:
+    """Add change (m, dof) to balance (N, dof, n) at the given parts and columns, which may repeat."""
+    flat = (part[:, None] * balance.shape[1] + np.arange(balance.shape[1])) * balance.shape[2] + column[:, None]
+    np.add.at(balance.reshape(-1), flat.ravel(), change.ravel())
 
 
 def _wrenches(problem: Problem, surface: Array, result: EnergyResult) -> Array:
@@ -299,7 +306,7 @@ def _add_penalties(
     for p, bend in enumerate(bends):
         known = columns[p, joint] >= 0
         slopes[index[known], columns[p, joint[known]]] += bend[joint[known], row[known]]
-    if problem.alpha_rad is not None:
+    if len(layout.parts):
         _, normals = problem.shapes.rays(surface_of(problem, parameters))
         first = hinges.shape[1] - normals.shape[1]
         place = np.full(len(parameters.axis), -1)

@@ -17,6 +17,8 @@ from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
 from mocca_robot.parts_graph import PartMotion, part_motions
+from mocca_robot.verify import insertion_rim, sweep_blockers
+from mocca_robot.ways_out import ways_out
 from planners.catalogue import fit, select
 from planners.energy import Loads
 from planners.kinematic import Impossible, bound, required_wrenches
@@ -24,6 +26,9 @@ from planners.realization import Parameters, Polished, Problem, evaluate, polish
 from planners.shapes import Shapes
 from planners.shapes2d import Shapes2D
 from planners.shapes3d import Shapes3D
+
+MANY_JOINTS = 120
+"""Joints above which a catalogue of shapes on all of them at once takes longer than it saves."""
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the largest E/|w|² that is left."""
@@ -92,7 +97,7 @@ def design(
     loads = Loads.of(assembly, found, (*required, *margins))
     pairs = np.array([c.parts for c in found])
     motions = part_motions(assembly, [planar(c) for c in found])
-    axis = _ways_out(assembly, motions, insertion or {})
+    axis = _start_axes(assembly, found, motions, insertion or {})
     shapes: Shapes
     if assembly.dimension == 2:
         shapes = Shapes2D.of(assembly, found, options)
@@ -148,13 +153,16 @@ def margin_cases(assembly: Assembly, required: Sequence[LoadCase], tilt_rad: flo
     return tuple(cases)
 
 
-def _ways_out(assembly: Assembly, motions: dict[int, PartMotion], insertion: Mapping[str, Array]) -> Array:
-    """Return (N, d) the direction in which each part leaves: the user's, or the axis of its widest planar cone."""
+def _start_axes(
+    assembly: Assembly, contacts: Sequence[Contact], motions: dict[int, PartMotion], insertion: Mapping[str, Array]
+) -> Array:
+    """Return (N, d) the direction in which each part leaves: the user's, or a free one with room for joints."""
     up = np.zeros(assembly.dimension)
     up[-1] = 1.0
     axis = np.tile(up, (len(assembly.parts), 1))
+    free = ways_out(assembly, contacts, room_rad=float(np.deg2rad(5.0)))
     for part, motion in motions.items():
-        axis[part] = motion.axis
+        axis[part] = free.get(part, motion.axis)
     for name, direction in insertion.items():
         axis[assembly.index(name)] = -np.asarray(direction) / np.linalg.norm(direction)
     return axis
@@ -187,8 +195,9 @@ def _search(problem: Problem, start: Parameters, progress: Progress | None) -> t
 def _attempts(problem: Problem, start: Parameters) -> Iterator[tuple[str, Shapes, Parameters]]:
     """Yield starting points from the most promising to the most stubborn.
 
-    First the joints that kinematic design asks for, then every joint from there, then uniform bumps of either
-    sign: at height h > 0 normals lean outwards, at h < 0 inwards, a choice the convex relaxation does not see.
+    First the joints that kinematic design asks for, unless that is most of them; then shapes chosen for all joints
+    together; then uniform bumps of either sign (at height h > 0 normals lean outwards, at h < 0 inwards, a choice
+    the convex relaxation does not see); then every joint from where kinematic design left it.
     """
     shapes, loads = problem.shapes, problem.loads
     points, normals, prices = shapes.candidate_rays()
@@ -197,29 +206,23 @@ def _attempts(problem: Problem, start: Parameters) -> Iterator[tuple[str, Shapes
         axis = start.axis[problem.pairs[:, 1]]
         allowed &= np.einsum("erd,ed->er", normals, axis) >= np.sin(problem.alpha_rad) - 1e-9
     allowed |= prices == 0.0
-    cases = _telling_cases(problem)
-    required = required_wrenches(
-        shapes.contacts, points, normals, np.where(allowed, prices, 0.0), allowed, loads, cases
-    )
+    large = len(shapes.contacts) > MANY_JOINTS
+    cases = _telling_cases(problem)[: 4 if large else 24]
+    price = np.where(allowed, prices, 0.0)
+    required = required_wrenches(shapes.contacts, points, normals, price, allowed, loads, cases)
     fitted, first = fit(problem, required, start)
-    yield "few joints", fitted, first
-    planar_energy = evaluate(problem, start)
-    hardest = np.sort(np.argsort(-planar_energy.infeasibility)[:8])
-    selected, second = select(problem, start, hardest)
-    yield "selected joints", selected, second
-    curved, shape = first.curved, first.shape
-    kinds = sorted({kind for kind, _ in shapes.catalogue(shapes.options.kinds)})
+    if not large or 3 * int(first.curved.sum()) < 2 * len(shapes.contacts):
+        yield "few joints", fitted, first
+    if not large:
+        planar_energy = evaluate(problem, start)
+        hardest = np.sort(np.argsort(-planar_energy.infeasibility)[:8])
+        yield "selected joints", *select(problem, start, hardest)
     every = shapes.can_curve
-    resting = np.where(curved[:, None], shape, shapes.rest)
+    for kind, bump in shapes.uniform_bumps():
+        family = shapes.with_kinds([kind] * len(shapes.contacts))
+        yield f"uniform {kind}", family, Parameters(bump, start.lean, start.axis, every)
+    resting = np.where(first.curved[:, None], first.shape, shapes.rest)
     yield "all joints", fitted, Parameters(resting, first.lean, first.axis, every)
-    for kind in kinds:
-        for height in (-0.15, 0.15):
-            family = shapes.with_kinds([kind] * len(shapes.contacts))
-            bumps = np.tile(shapes.rest, (len(shapes.contacts), 1))
-            bumps[:, shapes.heights[0]] = height
-            if kind == "z":
-                bumps[:, shapes.heights[1]] = -height
-            yield f"uniform {kind} {height:+.2f}", family, Parameters(bumps, start.lean, start.axis, every)
 
 
 def _telling_cases(problem: Problem) -> list[int]:
@@ -245,8 +248,9 @@ def _built(
     built = build_parts(assembly, joints)
     motions = part_motions(assembly, joints)
     insertion = tuple(
-        Insertion(assembly.parts[p].name, read_only(-_axis(m, parameters.axis[p], assembly.alpha_rad)), m.alpha_rad)
+        Insertion(assembly.parts[p].name, read_only(-way), _room(m, way))
         for p, m in motions.items()
+        for way in [_confirmed_way(built, p, m, parameters.axis[p])]
     )
     cases = tuple(
         CaseResult(case.name, float(b), float(a)) for case, b, a in zip(required, before, polished.infeasibility)
@@ -254,9 +258,21 @@ def _built(
     return built, joints, insertion, cases
 
 
-def _axis(motion: PartMotion, wanted: Array, alpha_rad: float | None) -> Array:
-    """Return the way out: the centre of the widest cone, which has the most room for error."""
-    return motion.axis if len(motion.normals) else wanted
+def _room(motion: PartMotion, way: Array) -> float:
+    """Return the half-angle of the widest cone about `way` that the part's earlier contacts leave, radians."""
+    if not len(motion.normals):
+        return float(np.pi / 2)
+    return float(np.arcsin(np.clip((motion.normals @ way).min(), -1.0, 1.0)))
+
+
+def _confirmed_way(built: Assembly, part: int, motion: PartMotion, designed: Array) -> Array:
+    """Return a way out that a sweep of the built part confirms: the widest cone's axis if it is free, else the
+    designed one."""
+    alpha = built.alpha_rad or 0.0
+    if not len(motion.normals) or motion.alpha_rad < alpha:
+        return designed
+    clear = not sweep_blockers(built, part, insertion_rim(motion.axis, alpha))
+    return motion.axis if clear or _room(motion, designed) < alpha - 1e-9 else designed
 
 
 def _narrow_parts(assembly: Assembly, motions: dict[int, PartMotion]) -> tuple[NarrowPart, ...]:

@@ -35,6 +35,10 @@ class Shapes(Protocol):
         """Return L: 1 in 2D, 2 in 3D."""
 
     @property
+    def steepest_lean(self) -> float:
+        """Return the largest lean of u from its reference: radians in 2D, tangents in 3D."""
+
+    @property
     def heights(self) -> tuple[int, ...]:
         """Return the columns of `shape` that are heights; all zero = planar."""
 
@@ -85,6 +89,9 @@ class Shapes(Protocol):
 
     def catalogue(self, kinds: Sequence[str]) -> list[tuple[Any, Array]]:
         """Return realisable (kind, shape row), shallow to sharp."""
+
+    def uniform_bumps(self) -> list[tuple[Any, Array]]:
+        """Return (kind, shapes (E, S)) with the same bump everywhere, starting points where nothing else serves."""
 
     def with_kinds(self, kinds: Sequence[Any]) -> Shapes:
         """Return the same joints with other families."""

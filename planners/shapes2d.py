@@ -41,6 +41,7 @@ class Shapes2D:
     clearance: Clearance2D
 
     n_lean: ClassVar[int] = 1
+    steepest_lean: ClassVar[float] = 0.85
     rest_kind: ClassVar[SplineKind] = "n"
     heights: ClassVar[tuple[int, ...]] = (2, 3)
     """Columns of `shape` that are heights: a joint with all of them zero is planar."""
@@ -180,6 +181,18 @@ class Shapes2D:
                 if height <= 0.2 and "z" in kinds:
                     shapes.append(("z", np.array([flat, flat, sign * height, -sign * height])))
         return shapes
+
+    def uniform_bumps(self) -> list[tuple[SplineKind, Array]]:
+        """Return shapes (E, 4) with the same bump everywhere, of either sign and, where allowed, of either family."""
+        bumps: list[tuple[SplineKind, Array]] = []
+        kinds: tuple[SplineKind, ...] = ("n", "z")
+        for kind in kinds:
+            for height in (-0.15, 0.15):
+                if kind in self.options.kinds:
+                    second = -height if kind == "z" else 0.0
+                    row = np.array([self.rest[0], self.rest[1], height, second])
+                    bumps.append((kind, np.tile(row, (len(self.contacts), 1))))
+        return bumps
 
     def with_kinds(self, kinds: Sequence[SplineKind]) -> Shapes2D:
         """Return the same joints with other families."""

@@ -63,6 +63,7 @@ class Shapes3D:
     options: JointOptions
 
     n_lean: ClassVar[int] = 2
+    steepest_lean: ClassVar[float] = 0.3
     rest_kind: ClassVar[str] = "n"
     heights: ClassVar[tuple[int, ...]] = (0,)
 
@@ -229,6 +230,12 @@ class Shapes3D:
         bumps = ((0.06, 1.0), (0.12, 1.0), (0.2, 1.0), (0.3, 1.0), (0.4, 1.0), (0.15, 0.6), (0.24, 0.6))
         allowed = [(h, size) for h, size in bumps if h <= self.options.max_height]
         return [("n", np.array([sign * h, size])) for h, size in allowed for sign in (1.0, -1.0)]
+
+    def uniform_bumps(self) -> list[tuple[str, Array]]:
+        """Return shapes (E, 2) with the same small steep bump everywhere, as high as each joint's room allows."""
+        low, high = self.reach[:, 0] / self.lengths, self.reach[:, 1] / self.lengths
+        size = np.full(len(low), 0.6)
+        return [("n", np.stack([np.clip(h, low, high), size], axis=1)) for h in (-0.2, 0.2)]
 
     def with_kinds(self, kinds: Sequence[Any]) -> Shapes3D:
         """Return these joints: solids know one family."""
