@@ -9,8 +9,10 @@ from physics_models import WIDTH, box_stack_3d, jointed, stack
 from mocca_robot.assembly import Assembly, Mesh, Part
 from mocca_robot.contacts import Contact, find_contacts
 from mocca_robot.errors import InputError
+from sim.contact_model import facets
 from sim.directions import OUTSIDE, directions, insertion_cone
 from sim.insertion import HandOptions, PlacingError, insert, insertion_scene
+from sim.tilt import physical_tilt, tilt_scene
 
 
 def ridge() -> tuple[Assembly, tuple[Contact, ...]]:
@@ -138,3 +140,33 @@ def test_solids_go_in_inside_their_cone_only(model):
 def test_the_ridges_cone_is_45_degrees_wide():
     assembly, contacts = ridge()
     assert insertion_cone(assembly, contacts, 1).realised_rad == pytest.approx(np.pi / 4)
+
+
+def bumped_cubes(height: float) -> tuple[Assembly, tuple[Contact, ...]]:
+    """Return a cube on a wide slab with one bicubic bump between them, contacts found anew."""
+    from mocca_robot.joints.bicubic import bicubic_joint
+    from mocca_robot.joints.build3d import build_parts_3d
+    from mocca_robot.joints.rectangle import largest_rectangle
+
+    assembly, _ = box_stack_3d(1)
+    contact = find_contacts(assembly).contacts[0]
+    rectangle = largest_rectangle(contact, 0.1 * WIDTH)
+    assert rectangle is not None
+    joint = bicubic_joint(contact, rectangle, height * WIDTH, contact.normal)
+    built = build_parts_3d(assembly, [joint])
+    return built, find_contacts(built).contacts
+
+
+@pytest.mark.parametrize("height", [0.15, -0.15])
+def test_a_curved_solid_joint_lets_in_and_holds_what_its_cone_says(height):
+    assembly, contacts = bumped_cubes(height)
+    found = list(trials(assembly, contacts, 9))
+    inside, outside = [t for t in found if t.kind != "outside"], [t for t in found if t.kind == "outside"]
+    assert all(t.succeeded for t in inside), [t.reason for t in inside]
+    assert max(t.peak_force / t.allowed_force for t in inside) < 0.05
+    assert len(outside) == 8 and not any(t.succeeded for t in outside)
+    compiled = tilt_scene(assembly, facets(assembly, contacts))
+    for azimuth in (0.0, np.pi / 4):
+        tilt = physical_tilt(compiled, contacts, azimuth)
+        assert tilt.statics_rad > np.deg2rad(5.0)
+        assert abs(tilt.difference_rad) < np.deg2rad(1.5)
