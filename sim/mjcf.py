@@ -103,6 +103,10 @@ def _precise(root: ET.Element, scene: Scene) -> None:
     for index in np.flatnonzero(scene.present):
         part = scene.assembly.parts[int(index)]
         bodies[part.name].set("pos", _numbers(embed(part.centroid)))
+        if scene.held[index]:
+            # A body that never moves needs no mass, but MuJoCo 3.3 asks for one.
+            solid = ET.Element("inertial", pos="0 0 0", mass="1", diaginertia="1 1 1")
+            bodies[part.name].insert(0, solid)
     for number, geom in enumerate(scene.contact_model.only(scene.present).geoms):
         part = scene.assembly.parts[geom.part]
         name, centre = f"{part.name}/{number}", embed(part.centroid)

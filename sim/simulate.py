@@ -30,6 +30,8 @@ from sim.states import StateResult, state_result
 from sim.tilt import TiltReport, azimuths, physical_tilt, tilt_scene
 from sim.trial_store import Row, Trial, TrialStore, assembly_hash, run_trials
 
+METHOD = 1
+"""Raise it when verdicts are reached in another way: trials kept from before then run again."""
 STAGES = ("states", "tilt", "insertion", "robust")
 Result = TypeVar("Result")
 
@@ -354,7 +356,7 @@ def _near_misses(report: ContactReport) -> tuple[str, ...]:
 def _engine() -> str:
     import mujoco
 
-    return f"mujoco {mujoco.__version__}"
+    return f"mujoco {mujoco.__version__}, method {METHOD}"
 
 
 def _restored(kind: type[Result], row: Row) -> Result:
