@@ -167,7 +167,8 @@ class Layout:
         n_shape, n_lean, _ = self.sizes
         shape, lean, axis = start.shape.copy(), start.lean.copy(), start.axis.copy()
         shape[self.joints] += step[:n_shape].reshape(len(self.joints), shape.shape[1])
-        shape[self.joints] = np.clip(shape[self.joints], *self.bounds)
+        low, high = self.bounds
+        shape[self.joints] = np.clip(shape[self.joints], low[self.joints], high[self.joints])
         lean[self.pairs] += step[n_shape : n_shape + n_lean].reshape(len(self.pairs), lean.shape[1])
         lean[self.pairs] = np.clip(lean[self.pairs], -self.steepest_lean, self.steepest_lean)
         moves = step[n_shape + n_lean :].reshape(len(self.parts), self.tangents.shape[1])
@@ -180,8 +181,8 @@ class Layout:
         n_shape, n_lean, _ = self.sizes
         low, high = self.bounds
         value = np.concatenate([parameters.shape[self.joints].ravel(), parameters.lean[self.pairs].ravel()])
-        lower = np.concatenate([np.tile(low, len(self.joints)), np.full(n_lean, -self.steepest_lean)])
-        upper = np.concatenate([np.tile(high, len(self.joints)), np.full(n_lean, self.steepest_lean)])
+        lower = np.concatenate([low[self.joints].ravel(), np.full(n_lean, -self.steepest_lean)])
+        upper = np.concatenate([high[self.joints].ravel(), np.full(n_lean, self.steepest_lean)])
         blocked = np.zeros(len(gradient), dtype=np.bool_)
         downhill = gradient[: n_shape + n_lean]
         blocked[: n_shape + n_lean] = ((value <= lower) & (downhill > 0)) | ((value >= upper) & (downhill < 0))
@@ -340,7 +341,7 @@ def descend(
         stalled = len(values) > PATIENCE and values[-1] > 0.7 * values[-1 - PATIENCE]
         if (here.violation <= VIOLATED and worst <= 0.1 * MARGIN_SOLVED) or stalled or not len(here.gradient):
             return parameters, count + 1
-        for _ in range(6):
+        for _ in range(9):
             ahead = layout.moved(parameters, _step(layout, parameters, here, damping))
             if value_of(problem, ahead, warm)[0] < here.value * (1.0 - 1e-6):
                 parameters, damping = ahead, max(damping / 4.0, 1e-9)

@@ -67,7 +67,7 @@ class Shapes(Protocol):
         """Return (E,) which contacts may become joints."""
 
     def bounds(self) -> tuple[Array, Array]:
-        """Return lower and upper bounds of a shape row (S,)."""
+        """Return lower and upper bounds of shapes (E, S)."""
 
     def directions(self, lean: Array) -> Array:
         """Return (E, d) principal directions for leans (Q, L)."""

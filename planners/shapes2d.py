@@ -129,9 +129,10 @@ class Shapes2D:
         return area, first + area[:, None] * self.segments[:, 0]
 
     def bounds(self) -> tuple[Array, Array]:
-        """Return the lower and upper bounds of one row of `shape`."""
+        """Return lower and upper bounds (E, 4)."""
         flat, high = max(self.options.margin, 0.02), self.options.max_height
-        return np.array([flat, flat, -high, -high]), np.array([0.4, 0.4, high, high])
+        rows = (len(self.contacts), 1)
+        return np.tile([flat, flat, -high, -high], rows), np.tile([0.4, 0.4, high, high], rows)
 
     def violations(self, curve: Array, shape: Array) -> Array:
         """Return (E, V) how far curves exceed their room and their smallest radius, in contact lengths; ≤ 0 is well."""

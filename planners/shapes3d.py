@@ -151,9 +151,11 @@ class Shapes3D:
         return np.asarray(np.flatnonzero((steep[:, 0] & inner[:, 1]) | (steep[:, 1] & inner[:, 0])))
 
     def bounds(self) -> tuple[Array, Array]:
-        """Return the lower and upper bounds of one row of `shape`."""
+        """Return lower and upper bounds (E, 2): no bump leaves its room."""
         high = self.options.max_height
-        return np.array([-high, SMALLEST]), np.array([high, 1.0])
+        low = np.stack([np.maximum(self.reach[:, 0] / self.lengths, -high), np.full(len(self.pair), SMALLEST)], axis=1)
+        top = np.stack([np.minimum(self.reach[:, 1] / self.lengths, high), np.ones(len(self.pair))], axis=1)
+        return low, top
 
     def directions(self, lean: Array) -> Array:
         """Return (E, 3) principal directions for the pairs' leans (Q, 2): tangents of the angle from the normal."""
