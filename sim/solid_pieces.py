@@ -18,7 +18,7 @@ from mocca_robot.contacts import Contact
 from sim.contact_model import ContactModel, Geom, facets, geom
 from sim.convex_pieces import convex_pieces
 
-RADIUS = 0.1
+RADIUS = 0.02
 """Of the spheres, relative to the size of a small facet: they must fit into the tip of a bump."""
 DEPTH = 0.3
 """Of the prisms, relative to the same: beneath a sharp ridge deeper ones would come out on the other side."""

@@ -42,7 +42,8 @@ def test_the_exported_folder_behaves_the_same(make, tmp_path):
     again = mujoco.MjModel.from_xml_path(str(moved / path.name))
     model = compile_scene(scene).model
     assert again.npair == model.npair and again.nv == model.nv
-    np.testing.assert_allclose(again.body_mass, model.body_mass, rtol=1e-5)
+    moving = model.body_dofnum > 0
+    np.testing.assert_allclose(again.body_mass[moving], model.body_mass[moving], rtol=1e-5)
     first, second = mujoco.MjData(model), mujoco.MjData(again)
     for _ in range(200):
         mujoco.mj_step(model, first)
