@@ -367,3 +367,13 @@ def test_films_show_recorded_motion_and_refuse_what_has_another_shape(flat: Repo
     assert found == {"1": {"times": [0.0, 0.1], "parts": [1], "poses": [[[0, 0, 0]], [[0.01, 0, 0.2]]]}}
     motion["poses"] = [[[0, 0]], [[0, float("nan")]]]
     assert films(dataclasses.replace(flat, simulation=told), states(flat)) == {}
+
+
+def test_falling_earlier_with_friction_is_a_note_and_holding_longer_a_contradiction(flat: ReportData) -> None:
+    def with_tilt(measured: float, expected: float) -> ReportData:
+        tilt = [{"azimuth_deg": 0.0, "critical_deg": measured, "statics_deg": expected, "friction": 0.5}]
+        return dataclasses.replace(flat, simulation=simulated(flat.design, tilt=tilt))
+
+    earlier, longer = with_tilt(20.0, 25.0), with_tilt(25.0, 20.0)
+    assert disagreements(earlier) == () and "statics is an upper bound" in report_page(earlier)
+    assert len(disagreements(longer)) == 1

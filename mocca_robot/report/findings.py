@@ -71,6 +71,10 @@ def entries(data: ReportData, key: str) -> list[Mapping[str, Any]]:
     return [e for e in found if isinstance(e, Mapping)]
 
 
+BOUND = "with friction an upper bound"
+"""How the simulation marks a tilt that statics only bounds."""
+
+
 def disagreements(data: ReportData) -> tuple[str, ...]:
     """Return every contradiction between statics, physics and the design's own claims, one sentence each."""
     found: list[str] = []
@@ -84,11 +88,8 @@ def disagreements(data: ReportData) -> tuple[str, ...]:
         measured, expected = entry.get("critical_deg"), _statics_tilt(data, entry)
         if measured is None or expected is None or abs(measured - expected) <= limit:
             continue
-        found.append(
-            f"Critical tilt towards {float(entry.get('azimuth_deg', 0)):.0f}° (friction "
-            f"{float(entry.get('friction', 0) or 0):g}): {expected:.2f}° by statics, {measured:.2f}° in MuJoCo; "
-            f"more than {limit:g}° apart.{_bound_note(entry, measured, expected)}"
-        )
+        if not _only_bounded(entry, measured, expected):
+            found.append(f"{_tilt_words(entry, measured, expected)}; more than {limit:g}° apart.")
     found += _insertions(data)
     verified = {c.case.name: c for c in data.after.cases}
     for case in data.design.load_cases:
@@ -125,11 +126,32 @@ def _insertions(data: ReportData) -> list[str]:
     return found
 
 
-def _bound_note(entry: Mapping[str, Any], measured: float, expected: float) -> str:
-    """Return why sliding contacts may give way earlier than statics says, where that is what happened."""
-    if not entry.get("friction") or measured > expected:
-        return ""
-    return " With friction statics asks only whether some forces could hold: an upper bound on what really holds."
+def bounded_tilts(data: ReportData) -> tuple[str, ...]:
+    """Return where MuJoCo falls earlier than statics with friction: no contradiction, and worth knowing.
+
+    Statics asks whether some forces within the friction cones could hold; sliding need not build those up.
+    """
+    found = []
+    limit = TILT_AGREEMENT_DEG[data.design.assembly.dimension]
+    for entry in entries(data, "tilt"):
+        measured, expected = entry.get("critical_deg"), _statics_tilt(data, entry)
+        if measured is None or expected is None or abs(measured - expected) <= limit:
+            continue
+        if _only_bounded(entry, measured, expected):
+            found.append(f"{_tilt_words(entry, measured, expected)}. With friction statics is an upper bound.")
+    return tuple(found)
+
+
+def _only_bounded(entry: Mapping[str, Any], measured: float, expected: float) -> bool:
+    return bool(entry.get("friction")) and measured <= expected
+
+
+def _tilt_words(entry: Mapping[str, Any], measured: float, expected: float) -> str:
+    towards, friction = float(entry.get("azimuth_deg", 0)), float(entry.get("friction", 0) or 0)
+    return (
+        f"Critical tilt towards {towards:.0f}° (friction {friction:g}): "
+        f"{expected:.2f}° by statics, {measured:.2f}° in MuJoCo"
+    )
 
 
 def _told(data: ReportData, found: list[str]) -> list[str]:
@@ -138,13 +160,15 @@ def _told(data: ReportData, found: list[str]) -> list[str]:
     states_known = any(f.startswith("After placing") for f in found)
     tilts_known = any(f.startswith("Critical tilt") for f in found)
     known = (("state after", states_known), ("tilt towards", tilts_known))
+    told = [d for d in told if BOUND not in d]
     return [f"MuJoCo run: {d}" for d in told if not any(d.startswith(head) and have for head, have in known)]
 
 
 def tilt_gaps(data: ReportData) -> tuple[float, ...]:
-    """Return |statics − MuJoCo| in degrees for every critical tilt that both know."""
-    pairs = [(e.get("critical_deg"), _statics_tilt(data, e)) for e in entries(data, "tilt")]
-    return tuple(abs(a - b) for a, b in pairs if a is not None and b is not None)
+    """Return |statics − MuJoCo| in degrees for every critical tilt that both decide."""
+    known = [(e, e.get("critical_deg"), _statics_tilt(data, e)) for e in entries(data, "tilt")]
+    pairs = [(e, a, b) for e, a, b in known if a is not None and b is not None]
+    return tuple(abs(a - b) for e, a, b in pairs if not _only_bounded(e, a, b))
 
 
 def _statics_tilt(data: ReportData, entry: Mapping[str, Any]) -> float | None:
