@@ -333,13 +333,15 @@ def descend(
     values: list[float] = []
     for count in range(steps):
         layout = Layout.of(problem, parameters)
+        if not sum(layout.sizes):
+            return parameters, count + 1
         here = linearised(problem, layout, parameters, warm)
         warm, worst = here.result, float(here.result.infeasibility.max())
         values.append(here.value)
         if progress is not None:
             progress(count, worst)
         stalled = len(values) > PATIENCE and values[-1] > 0.7 * values[-1 - PATIENCE]
-        if (here.violation <= VIOLATED and worst <= 0.1 * MARGIN_SOLVED) or stalled or not len(here.gradient):
+        if (here.violation <= VIOLATED and worst <= 0.1 * MARGIN_SOLVED) or stalled:
             return parameters, count + 1
         for _ in range(9):
             ahead = layout.moved(parameters, _step(layout, parameters, here, damping))
