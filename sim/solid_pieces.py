@@ -1,9 +1,9 @@
 """What collides while a solid part travels into its seat: points of its joints against faces of its neighbours'.
 
-Small spheres sit just inside the driven part at the corners of its contact facets; each facet of the earlier parts
-is a thin prism that reaches into the material. Prisms share corners offset along mean normals, so that none sticks
-out at a ridge. Coplanar facets that make one convex polygon become one prism: flat contacts cost next to nothing,
-curved ones as much as their curvature.
+Small spheres sit just inside the driven part at the corners and in the middle of its contact facets; each facet of
+the earlier parts is a thin prism that reaches into the material. Prisms share corners offset along mean normals, so
+that none sticks out at a ridge. Coplanar facets that make one convex polygon become one prism: flat contacts cost
+next to nothing, curved ones as much as their curvature.
 """
 
 from __future__ import annotations
@@ -38,7 +38,11 @@ def solid_pieces(assembly: Assembly, contacts: Sequence[Contact], part: int, cle
     small = min(0.1 * reach, float(np.percentile([np.sqrt(c.measure) for c in mine], 10)))
     radius, depth = RADIUS * small, DEPTH * small
     geoms: list[Geom] = list(others.geoms)
-    for point, inward in zip(*_mean_normals(mine, reach)):
+    corner_points, corner_normals = _mean_normals(mine, reach)
+    # Corners alone would miss a facet that is entered over the middle of its edge.
+    middles, middle_normals = np.array([c.centre for c in mine]), np.array([c.normal for c in mine])
+    points = np.concatenate([corner_points, middles])
+    for point, inward in zip(points, np.concatenate([corner_normals, middle_normals])):
         centre = point + (radius + clearance) * inward
         geoms.append(geom(part, "sphere", centre, np.array([radius, 0.0, 0.0]), role="point"))
     for earlier in sorted({c.parts[0] for c in mine}):
