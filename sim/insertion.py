@@ -23,54 +23,12 @@ from mocca_robot.contacts import Contact, to_shapely
 from mocca_robot.errors import InputError
 from sim.contact_model import ContactModel, pieces
 from sim.directions import Direction, InsertionCone
+from sim.hand import HAND, STEADY, HandOptions, HandPath, PlacingError, grip_offset
 from sim.heard import heard
-from sim.inertia import inertia
 from sim.motion import reach, step_failure
 from sim.scene import Compiled, Hand, Scene, compile_scene
 from sim.settings import settings_for
 from sim.solid_pieces import solid_pieces
-
-
-@dataclass(frozen=True)
-class HandOptions:
-    """How a part is held and what counts as jammed. Lengths are shares of the part's size (twice its reach).
-
-    Attributes:
-        stiffness: N/m of the hand in units of the part's weight per size; 1250 for a 50 mm part of 50 g is
-            12 N/mm, about that of an arm holding its position. Rotations get stiffness × reach².
-        weight_share: contact force allowed without any error, as a share of the part's weight.
-        penetration: deepest penetration allowed without any error: 10 µm for a part of 50 mm.
-        pressed: further penetration allowed, as a share of the hand's error: contacts give where the hand presses.
-        tracking: deviation from the commanded path allowed beyond the hand's own error.
-        lead: free travel before the part comes between its neighbours.
-        steps: of one insertion, at least; the tip moves smoothly from rest to rest.
-        touching_speed: m/s at most when the grip is off, because the part then meets its neighbours on the way and
-            a faster one hits harder than the springs push.
-        impact: force allowed beyond the springs', as a share of it: what meeting a neighbour at that speed adds.
-        sag_share: displacement of the parts below, when they are left free, that is still harmless.
-    """
-
-    stiffness: float = 1250.0
-    weight_share: float = 0.05
-    penetration: float = 2e-4
-    pressed: float = 0.25
-    tracking: float = 2e-4
-    lead: float = 0.02
-    steps: int = 400
-    touching_speed: float = 0.05
-    impact: float = 0.25
-    sag_share: float = 0.01
-
-
-HAND = HandOptions()
-
-
-@dataclass(frozen=True)
-class PlacingError:
-    """How far the hand's grip is off: a shift (m) sideways in one or two directions, and a turn (rad)."""
-
-    shift: tuple[float, ...] = ()
-    turn: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -188,7 +146,7 @@ def insert(
     ready: InsertionScene,
     direction: Direction,
     *,
-    error: PlacingError = PlacingError(),
+    error: PlacingError = STEADY,
     hand: HandOptions = HAND,
 ) -> InsertionTrial:
     """Return the trial of driving the part in along `direction`. Safe to call from several threads."""
@@ -201,7 +159,7 @@ def insert(
     size = 2.0 * far
     weight = assembly.parts[cone.part].mass * float(np.linalg.norm(assembly.gravity))
     assert scene.hand is not None
-    offset, effective = _offset(assembly, direction.vector, error, far)
+    offset, effective = grip_offset(assembly, direction.vector, error, far)
     # With friction the hand also drags the part along what it rubs against, on both sides at most.
     beyond = 1.0 + hand.impact + 2.0 * scene.settings.friction
     allowed = hand.weight_share * weight + scene.hand.stiffness * effective * beyond
@@ -210,7 +168,7 @@ def insert(
     if effective > 0.0:
         # Minimum jerk peaks at 15/8 of the mean speed.
         steps = max(steps, int(1.875 * travel / hand.touching_speed / model.opt.timestep))
-    path = _Path(model, compiled, cone.part, direction.vector, travel, offset, steps)
+    path = HandPath(model, compiled, cone.part, direction.vector, travel, offset, steps)
     data = mujoco.MjData(model)
     heard()
     path.place(data)
@@ -289,59 +247,6 @@ def _reason(
     return ""
 
 
-class _Path:
-    """The hand's motion: straight, from `travel` before the seat to the seat, at rest at both ends."""
-
-    def __init__(
-        self, model: Any, compiled: Compiled, part: int, way: Array, travel: float, offset: Array, steps: int
-    ) -> None:
-        row = int(np.flatnonzero(compiled.parts == part)[0])
-        d = len(way)
-        wide = compiled.dof.shape[1]
-        self.qpos, self.dof = compiled.qpos[row, :wide], compiled.dof[row]
-        self.body = int(model.body(compiled.scene.assembly.parts[part].name).id)
-        self.way = np.concatenate([way, np.zeros(wide - d)])
-        self.travel, self.offset, self.steps = travel, offset, steps
-        self.step_s = float(model.opt.timestep)
-        # What the servo needs ahead to follow exactly: damping × velocity and inertia × acceleration.
-        gains, damping = model.actuator_gainprm[:, 0], -model.actuator_biasprm[:, 2]
-        turning = float(np.trace(inertia(compiled.scene.assembly.parts[part]))) / 3.0
-        mass = compiled.scene.assembly.parts[part].mass
-        self.lag = damping / gains / self.step_s
-        self.heave = np.concatenate([np.full(d, mass), np.full(wide - d, turning)]) / gains / self.step_s**2
-
-    def place(self, data: Any) -> None:
-        data.qpos[self.qpos] = self.target(0)
-
-    def target(self, step: int) -> Array:
-        """Return where the grip should be: minimum jerk along the line, plus its error.
-
-        The error grows over the first fifth, so that no path starts in a neighbour.
-        """
-        t = min(1.0, max(0.0, step / self.steps))
-        left = 1.0 - t**3 * (10.0 - 15.0 * t + 6.0 * t * t)
-        e = min(1.0, 5.0 * t)
-        return np.asarray(-self.travel * left * self.way + e * e * (3.0 - 2.0 * e) * self.offset)
-
-    def command(self, data: Any, step: int) -> None:
-        """Set the servos such that a part that meets nothing is at `target(step)` after the step.
-
-        MuJoCo takes the spring's force at the start of a step, the damper's at its end, and moves the part with
-        the velocity it has then: with velocities as differences of targets, the following is exact.
-        """
-        before, now, after = self.target(step - 2), self.target(step - 1), self.target(step)
-        data.ctrl[:] = now + self.lag * (after - now) + self.heave * (after - 2.0 * now + before)
-
-    def deviation(self, data: Any, step: int, far: float) -> float:
-        gap = data.qpos[self.qpos] - self.target(step)
-        d = 2 if len(gap) == 3 else 3
-        return float(np.linalg.norm(gap[:d]) + far * np.linalg.norm(gap[d:]))
-
-    def force_weights(self, far: float) -> Array:
-        d = 2 if len(self.dof) == 3 else 3
-        return np.concatenate([np.ones(d), np.full(len(self.dof) - d, 1.0 / far)])
-
-
 class _Below:
     """The earlier parts that are free: where they were."""
 
@@ -377,20 +282,6 @@ def _travel(ready: InsertionScene, way: Array) -> float:
     size = 2.0 * float(reach(assembly)[ready.cone.part])
     heights = [float(np.ptp(points @ way)) for points in ready.travel_points]
     return min(1.5 * size, max(heights, default=0.0))
-
-
-def _offset(assembly: Assembly, way: Array, error: PlacingError, far: float) -> tuple[Array, float]:
-    """Return the hand's error in joint coordinates and its effective length."""
-    if assembly.dimension == 2:
-        sideways = np.array([[-way[1], way[0]]])
-    else:
-        seed = np.eye(3)[np.abs(way).argmin()]
-        first = np.cross(way, seed) / np.linalg.norm(np.cross(way, seed))
-        sideways = np.array([first, np.cross(way, first)])
-    shift = sum((s * axis for s, axis in zip(error.shift, sideways)), np.zeros(len(way)))
-    turn = np.zeros(1 if assembly.dimension == 2 else 3)
-    turn[-1] = error.turn
-    return np.concatenate([shift, turn]), float(np.hypot(np.linalg.norm(shift), far * error.turn))
 
 
 def _nearby(assembly: Assembly, part: int, present: BoolArray) -> BoolArray:

@@ -18,13 +18,8 @@ from mocca_robot.statics import Status
 from mocca_robot.verify import solve_case
 from sim.contact_model import ContactModel, contact_model, pieces
 from sim.directions import Direction, InsertionCone, directions, insertion_cone
-from sim.insertion import (
-    HandOptions,
-    InsertionTrial,
-    PlacingError,
-    insert,
-    insertion_scene,
-)
+from sim.hand import HandOptions, PlacingError
+from sim.insertion import InsertionTrial, insert, insertion_scene
 from sim.robust import RobustOptions, RobustReport, robust_report, robust_trials
 from sim.states import StateResult, state_result
 from sim.tilt import TiltReport, azimuths, physical_tilt, tilt_scene

@@ -11,7 +11,8 @@ from mocca_robot.contacts import Contact, find_contacts
 from mocca_robot.errors import InputError
 from sim.contact_model import facets
 from sim.directions import OUTSIDE, directions, insertion_cone
-from sim.insertion import HandOptions, PlacingError, insert, insertion_scene
+from sim.hand import HandOptions, PlacingError
+from sim.insertion import insert, insertion_scene
 from sim.tilt import physical_tilt, tilt_scene
 
 
