@@ -83,7 +83,9 @@ def clearance_2d(assembly: Assembly, contacts: Sequence[Contact], options: Joint
             end[index, side, : len(a)] = b
             is_contact[index, side, : len(a)] = joints
     origin = np.array([c.polygon[0] for c in contacts])
-    return Clearance2D(start, end, is_contact, margin, origin, np.array([c.normal for c in contacts]), lengths)
+    # The line through both ends, not the contact's own normal: drawings are exact to about six digits only.
+    t = (np.array([c.polygon[1] for c in contacts]) - origin) / lengths[:, None]
+    return Clearance2D(start, end, is_contact, margin, origin, np.stack([t[:, 1], -t[:, 0]], axis=1), lengths)
 
 
 def _distance_to_segments(point: Array, start: Array, end: Array) -> Array:
