@@ -74,6 +74,21 @@ def mobility(assembly: Assembly, contacts: Sequence[Contact], held: BoolArray | 
     return Mobility(motions, moving_parts(assembly, motions), opens)
 
 
+def leaving_parts(assembly: Assembly, contacts: Sequence[Contact]) -> tuple[str, ...]:
+    """Return the names of the free parts that can move while all others stay, in assembly order.
+
+    When there are none, the structure is a deadlock for anybody who takes it apart, or puts it together, part by
+    part; several parts at once may still move (see `mobility`).
+    """
+    names = []
+    for index, part in enumerate(assembly.parts):
+        mine = [c for c in contacts if index in c.parts]
+        others = np.arange(len(assembly.parts)) != index
+        if not part.fixed and (not mine or not mobility(assembly, mine, others).locked):
+            names.append(part.name)
+    return tuple(names)
+
+
 def _opening(b: sp.csr_array) -> tuple[Array, bool]:
     """Return the motion that opens contacts most and whether it opens any."""
     rows, columns = b.shape

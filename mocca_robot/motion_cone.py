@@ -152,12 +152,26 @@ def _smallest_cap_3d(normals: Array) -> tuple[Array, float]:
             method="highs",
         )
         axis = np.zeros(3) if result.x is None else result.x[:3]
-        norm = np.linalg.norm(axis)
-        axis = axis / norm if norm > 1e-12 else np.array([0.0, 0.0, 1.0])
+        if np.linalg.norm(axis) <= 1e-9:
+            axis = _sliding_direction(candidates)
+        axis = axis / np.linalg.norm(axis)
         return np.asarray(axis), float(np.arccos(np.clip((candidates @ axis).min(), -1, 1)))
     axis = _nearest_hull_point(candidates)
     axis = axis / np.linalg.norm(axis)
     return axis, float(np.arccos(np.clip((candidates @ axis).min(), -1, 1)))
+
+
+def _sliding_direction(normals: Array) -> Array:
+    """Return a direction (3,) that slides along walls on all sides, as out of a mortise; up when nothing is free."""
+    opening = linprog(
+        -normals.sum(axis=0), A_ub=-normals, b_ub=np.full(len(normals), 1e-12), bounds=[(-1, 1)] * 3, method="highs"
+    )
+    if opening.success and opening.x is not None and np.linalg.norm(opening.x) > 1e-6:
+        return np.asarray(opening.x)
+    _, spread, axes = np.linalg.svd(normals, full_matrices=True)
+    if len(spread) < 3 or spread[-1] <= 1e-9 * spread[0]:
+        return np.asarray(axes[-1])
+    return np.array([0.0, 0.0, 1.0])
 
 
 def _nearest_hull_point(points: Array) -> Array:

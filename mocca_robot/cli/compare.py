@@ -10,13 +10,18 @@ from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
 
 if TYPE_CHECKING:
-    from mocca_robot.assembly import Assembly
+    from mocca_robot.assembly import Assembly, BoolArray
+    from mocca_robot.contacts import Contact
     from mocca_robot.design import Insertion
     from mocca_robot.joints.joint import Joint
     from mocca_robot.report.comparison import Variant
+    from mocca_robot.verify import CaseVerdict, Verification
 
 COMPARISON = "planners.comparison"
-"""The module whose `joineries(assembly, options, contacts=, progress=)` returns the variants, cone joints last."""
+"""The module whose `joineries(assembly, options, contacts=, progress=)` returns the variants.
+
+Its `CONE_JOINTS` is the name of the designed one.
+"""
 
 
 class Joinery(Protocol):
@@ -64,8 +69,10 @@ def run(args: argparse.Namespace) -> int:
     folder = arguments.output_folder(args, config.assembly.name)
     contacts = stages.read_contacts(config.assembly, console)
     with console.stage("design") as show:
-        joineries = import_module(COMPARISON).joineries
-        found = joineries(config.assembly, config.joints, contacts=contacts, progress=lambda what, _: show(what))
+        comparison = import_module(COMPARISON)
+        found = comparison.joineries(
+            config.assembly, config.joints, contacts=contacts, progress=lambda what, _: show(what)
+        )
     variants = []
     for joinery in found:
         with console.stage(joinery.name):
@@ -74,9 +81,10 @@ def run(args: argparse.Namespace) -> int:
         path = write_comparison(folder / "comparison.html", config.assembly.name, variants)
     for variant in variants:
         console.say(words(variant))
-    findings = evidence.statics_findings(variants[-1].assembly, variants[-1].verification)
+    designed = next(v for v in variants if v.name == comparison.CONE_JOINTS)
+    findings = evidence.statics_findings(designed.assembly, designed.verification)
     for finding in findings:
-        console.say(f"✗ {variants[-1].name}: {finding.text}")
+        console.say(f"✗ {designed.name}: {finding.text}")
     console.say(console.times())
     console.say(str(path))
     document = {
@@ -89,26 +97,37 @@ def run(args: argparse.Namespace) -> int:
 
 
 def judged(joinery: Joinery) -> Variant:
-    """Return a variant with every verdict: statics, insertion, deadlock, tilt, and MuJoCo's on the finished state."""
+    """Return a variant with every verdict: statics, insertion, deadlock, tilt, and MuJoCo's on the finished state.
+
+    Where a key is asked for, somebody holds it in physics too, and statics is asked about that state as well; such a
+    structure gets no tilt.
+    """
+    from dataclasses import replace
+
     import numpy as np
 
-    from mocca_robot.loads import tilt_azimuths
-    from mocca_robot.mobility import mobility
+    from mocca_robot.assembly import Interlocking
+    from mocca_robot.mobility import leaving_parts
     from mocca_robot.report.comparison import Variant
-    from mocca_robot.verify import critical_tilt, verify
+    from mocca_robot.verify import insertion_verdicts, verify
     from sim.contact_model import contact_model
     from sim.stability import Verdict, free_scene, stability
-    from sim.tilt import physical_tilt, tilt_scene
 
     assembly = joinery.assembly
-    verification = verify(assembly, directions={i.part: i.direction for i in joinery.insertion})
+    directions = {i.part: i.direction for i in joinery.insertion}
+    verification = verify(assembly, directions=directions)
     contacts = verification.contacts
-    azimuths = tilt_azimuths(assembly.dimension, 8)
-    tilts = [critical_tilt(assembly, contacts, float(a)) for a in azimuths]
-    weakest = int(np.argmin(tilts))
-    model = contact_model(assembly, contacts)
-    physics = stability(free_scene(assembly, model))
-    tilt = physical_tilt(tilt_scene(assembly, model), contacts, float(azimuths[weakest]))
+    held = np.array(assembly.fixed)
+    for goal in assembly.goals:
+        if isinstance(goal, Interlocking):
+            held[assembly.index(goal.key)] = True
+    keyed = bool((held & ~assembly.fixed).any())
+    if keyed:
+        verification = replace(verification, cases=(*verification.cases, _key_held(assembly, contacts, held)))
+    physics = stability(free_scene(assembly, contact_model(assembly, contacts), held=held))
+    tilt, physical = (None, None) if keyed else _weakest_tilt(assembly, contacts)
+    straight = insertion_verdicts(replace(assembly, alpha_rad=None), contacts, directions)
+    leaving = leaving_parts(assembly, contacts)
     return Variant(
         joinery.name,
         assembly,
@@ -116,11 +135,56 @@ def judged(joinery: Joinery) -> Variant:
         joinery.joints,
         joinery.insertion,
         None if physics.verdict is Verdict.FAILED else physics.stands,
-        tilts[weakest],
-        tilt.critical_rad,
-        mobility(assembly, contacts).locked,
-        joinery.remarks,
+        tilt,
+        physical,
+        all(i.alpha_rad > -1e-9 and not i.collides for i in straight),
+        not leaving,
+        (*joinery.remarks, *_deadlock_remarks(assembly, verification, leaving)),
     )
+
+
+def _key_held(assembly: Assembly, contacts: tuple[Contact, ...], held: BoolArray) -> CaseVerdict:
+    import numpy as np
+
+    from mocca_robot.loads import LoadCase
+    from mocca_robot.verify import solve_case
+
+    present = np.ones(len(assembly.parts), dtype=np.bool_)
+    return solve_case(assembly, contacts, LoadCase("gravity_key_held", assembly.gravity, present, held))
+
+
+def _weakest_tilt(assembly: Assembly, contacts: tuple[Contact, ...]) -> tuple[float, float]:
+    """Return the smallest critical tilt over azimuths by statics, and MuJoCo's towards the same azimuth."""
+    import numpy as np
+
+    from mocca_robot.loads import tilt_azimuths
+    from mocca_robot.verify import critical_tilt
+    from sim.contact_model import contact_model
+    from sim.tilt import physical_tilt, tilt_scene
+
+    azimuths = tilt_azimuths(assembly.dimension, 8)
+    tilts = [critical_tilt(assembly, contacts, float(a)) for a in azimuths]
+    weakest = int(np.argmin(tilts))
+    scene = tilt_scene(assembly, contact_model(assembly, contacts))
+    return tilts[weakest], physical_tilt(scene, contacts, float(azimuths[weakest])).critical_rad
+
+
+def _deadlock_remarks(assembly: Assembly, verification: Verification, leaving: tuple[str, ...]) -> tuple[str, ...]:
+    from mocca_robot.mobility import mobility
+
+    if leaving:
+        return ()
+    moving = mobility(assembly, verification.contacts).moving
+    stuck = [i for i in verification.insertions if i.alpha_rad < -1e-9]
+    remarks = ["Deadlocked: no part can leave while the others stay."]
+    if moving:
+        remarks.append(f"Only together can they move: {', '.join(moving[:6])}{' …' if len(moving) > 6 else ''}.")
+    if stuck:
+        worst = [f"'{i.part}' (by {', '.join(i.blockers)})" for i in stuck[:4]]
+        remarks.append(
+            f"Nor can they be put together in sequence: blocked from every direction are {'; '.join(worst)}."
+        )
+    return tuple(remarks)
 
 
 def words(variant: Variant) -> str:
@@ -130,12 +194,13 @@ def words(variant: Variant) -> str:
     physics = {None: "no verdict", True: "stands", False: "falls"}[variant.physics_stands]
     insertions = variant.verification.insertions
     free = sum(i.assemblable for i in insertions)
-    tilt = "" if variant.tilt_rad is None else f"; falls at a tilt of {degrees(variant.tilt_rad)}"
+    one_way = " (each along one direction)" if variant.goes_in and free < len(insertions) else ""
+    tilt = "" if variant.tilt_rad is None else f"; stands up to a tilt of {degrees(variant.tilt_rad)}"
     measured = "" if variant.physics_tilt_rad is None else f" (MuJoCo {degrees(variant.physics_tilt_rad)})"
-    deadlock = "; deadlocked: nothing can move" if variant.deadlocked else ""
+    deadlock = "; deadlocked: no part can leave" if variant.deadlocked else ""
     return (
         f"{variant.name}: statics {'stands' if variant.verification.stands else 'falls'}, MuJoCo {physics}{tilt}"
-        f"{measured}; {free} of {len(insertions)} parts go in as asked{deadlock}"
+        f"{measured}; {free} of {len(insertions)} parts go in as asked{one_way}{deadlock}"
     )
 
 
@@ -151,6 +216,7 @@ def _data(variant: Variant) -> dict[str, Any]:
         "physics_stands": variant.physics_stands,
         "tilt_deg": None if variant.tilt_rad is None else float(np.rad2deg(variant.tilt_rad)),
         "physics_tilt_deg": None if variant.physics_tilt_rad is None else float(np.rad2deg(variant.physics_tilt_rad)),
+        "goes_in": variant.goes_in,
         "deadlocked": variant.deadlocked,
         "remarks": list(variant.remarks),
     }

@@ -30,7 +30,8 @@ class Variant:
         physics_stands: MuJoCo's verdict on the finished state; None when not simulated.
         tilt_rad: critical tilt by statics, the smallest over azimuths; None when not computed.
         physics_tilt_rad: the same in MuJoCo.
-        deadlocked: no part can leave the finished structure; None when not checked.
+        goes_in: every part can be inserted in sequence along at least one direction; None when not checked.
+        deadlocked: no part can leave the finished structure while the others stay; None when not checked.
         remarks: shown below the picture.
     """
 
@@ -42,6 +43,7 @@ class Variant:
     physics_stands: bool | None = None
     tilt_rad: float | None = None
     physics_tilt_rad: float | None = None
+    goes_in: bool | None = None
     deadlocked: bool | None = None
     remarks: tuple[str, ...] = ()
 
@@ -89,6 +91,12 @@ def _stands(variant: Variant) -> str:
     return badge("ok", "stands") if variant.verification.stands else badge("bad", "falls")
 
 
+def _finished_stands(variant: Variant) -> bool:
+    """Return what statics says about the state that physics was shown: finished, under gravity, a key held."""
+    shown = [c for c in variant.verification.cases if c.case.name in ("gravity", "gravity_key_held")]
+    return all(c.result.stands for c in shown or variant.verification.cases)
+
+
 def _flag(value: bool | None, yes: str, no: str, silent: str, good: bool = True) -> str:
     if value is None:
         return badge("none", silent)
@@ -100,17 +108,25 @@ def _verdicts(variants: Sequence[Variant]) -> str:
     for v in variants:
         largest = max((c.result.infeasibility for c in v.verification.cases), default=0.0)
         tightest = min(v.verification.insertions, key=lambda i: i.alpha_rad, default=None)
-        cone = "–" if tightest is None else f"±{degrees(tightest.alpha_rad)} (<code>{esc(tightest.part)}</code>)"
+        cone = (
+            "–" if tightest is None else f"±{degrees(max(tightest.alpha_rad, 0.0))} (<code>{esc(tightest.part)}</code>)"
+        )
+        if tightest is not None and tightest.alpha_rad < -1e-9:
+            cone = f"none (<code>{esc(tightest.part)}</code>)"
         asked = "–" if v.assembly.alpha_rad is None else f"±{degrees(v.assembly.alpha_rad)}"
         physics = _flag(v.physics_stands, "stands", "falls", "not simulated")
-        if v.physics_stands is not None and v.physics_stands != v.verification.stands:
+        if v.physics_stands is not None and v.physics_stands != _finished_stands(v):
             physics += " " + badge("bad", "disagrees")
         tilt = (
-            degrees(v.tilt_rad)
+            "–"
+            if v.tilt_rad is None
+            else degrees(v.tilt_rad)
             if v.physics_tilt_rad is None
             else (f"{degrees(v.tilt_rad)} / {degrees(v.physics_tilt_rad)}")
         )
         goes_in = _flag(v.verification.assemblable, "as asked", "blocked", "–")
+        if v.goes_in and not v.verification.assemblable:
+            goes_in = badge("warn", "one way only" if tightest and tightest.alpha_rad < 1e-6 else "narrower than asked")
         locked = _flag(v.deadlocked, "deadlocked", "free", "not checked", good=False)
         cells = [esc(v.name), _stands(v), significant(largest, 2), physics, tilt, goes_in, cone, asked, locked]
         rows.append(cells)

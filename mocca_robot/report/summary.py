@@ -19,7 +19,11 @@ def case_words(name: str) -> str:
         return f"just after placing {name[6:]}"
     if name.startswith("tilt_") and name[5:].lstrip("-").isdigit():
         return f"ground tilted towards {int(name[5:])}°"
-    known = {"gravity": "finished, under gravity", "interlocking": "pushed apart, key held"}
+    known = {
+        "gravity": "finished, under gravity",
+        "gravity_key_held": "finished, under gravity, key held",
+        "interlocking": "pushed apart, key held",
+    }
     return known.get(name, name)
 
 
