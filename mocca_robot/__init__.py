@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from mocca_robot.errors import EnvironmentNeeded, InputError, MoccaError
     from mocca_robot.files.config import Config, load
     from mocca_robot.files.design_json import read_design, write_design
-    from mocca_robot.verify import critical_tilt, verify
+    from mocca_robot.verify import critical_tilt
 
 _HOMES = {
     "mocca_robot.assembly": (
@@ -27,7 +27,7 @@ _HOMES = {
     "mocca_robot.errors": ("EnvironmentNeeded", "InputError", "MoccaError"),
     "mocca_robot.files.config": ("Config", "load"),
     "mocca_robot.files.design_json": ("read_design", "write_design"),
-    "mocca_robot.verify": ("critical_tilt", "verify"),
+    "mocca_robot.verify": ("critical_tilt",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -49,7 +49,6 @@ __all__ = [
     "find_contacts",
     "load",
     "read_design",
-    "verify",
     "write_design",
 ]
 
