@@ -25,7 +25,7 @@ def ways_out(
     rim of K(x, α) hits nothing. Insertion runs along −x.
     """
     alpha = assembly.alpha_rad or 0.0
-    spread = _spread(assembly.dimension, samples)
+    spread = spread_directions(assembly.dimension, samples)
     found: dict[int, Array] = {}
     for part, motion in part_motions(assembly, [planar(c) for c in contacts]).items():
         slack = (spread @ motion.normals.T).min(axis=1) if len(motion.normals) else np.ones(len(spread))
@@ -39,7 +39,7 @@ def ways_out(
     return found
 
 
-def _spread(dimension: int, count: int) -> Array:
+def spread_directions(dimension: int, count: int) -> Array:
     """Return (count, d) unit directions spread evenly: around the circle, or along a spiral over the sphere."""
     k = np.arange(count)
     if dimension == 2:

@@ -1,0 +1,87 @@
+"""`mocca-robot sequence`: in which order can the parts be placed, and who has to be held meanwhile?"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from mocca_robot.cli import arguments
+from mocca_robot.cli.console import Console
+
+if TYPE_CHECKING:
+    from planners.sequence import SequenceResult
+
+DESCRIPTION = """Takes the assembly apart, part by part along straight ways out, and prints the reverse: an order in
+which every part goes in inside a cone, with as few parts held as possible. Says who locks whom when there is none."""
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "sequence", help="find an order in which the parts can be placed", description=DESCRIPTION
+    )
+    arguments.add_input(parser, "ASSEMBLY")
+    parser.add_argument("--holders", type=int, metavar="K", help="how many parts can be held at once (default: any)")
+    parser.add_argument("--friction", type=float, metavar="MU", help="Coulomb coefficient (default: the file's, or 0)")
+    parser.add_argument("--states", type=int, default=2000, metavar="N", help="states to examine (default 2000)")
+    arguments.add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Return 0 when an order was found, 1 with the reason otherwise."""
+    from mocca_robot.contacts import find_contacts, require_sound
+    from planners.sequence import find_sequence
+
+    console = Console(args.json)
+    with console.stage("read"):
+        config = arguments.load(args, {} if args.friction is None else {"friction": args.friction})
+    with console.stage("contacts"):
+        report = find_contacts(config.assembly)
+        require_sound(config.assembly, report)
+    with console.stage("sequence"):
+        found = find_sequence(
+            config.assembly, report.contacts, holders=args.holders, friction=config.friction, states=args.states
+        )
+    for line in lines(found):
+        console.say(line)
+    console.say(console.times())
+    return console.finish(0 if found.placements else 1, document(found))
+
+
+def lines(found: SequenceResult) -> list[str]:
+    """Return what was found, for people."""
+    import numpy as np
+
+    out = []
+    for k, p in enumerate(found.placements):
+        way = ", ".join(f"{v:+.3f}" for v in p.direction)
+        held = f"; hold {', '.join(p.held)}" if p.held else ""
+        out.append(f"{k + 1:4d}  {p.part}: in along ({way}), up to {np.rad2deg(p.alpha_rad):.1f}° off{held}")
+    if found.placements:
+        held = f"{found.supports} supports, {found.holders} at once" if found.supports else "every state stands"
+        return [*out, f"an order was found: {held} ({found.states} states examined)"]
+    if found.obstacles:
+        out = [f"{o.part} is barred by {', '.join(o.blockers[:6])}" for o in found.obstacles]
+        return [*out, f"no order exists: {len(found.obstacles)} parts lock each other, whatever leaves first"]
+    what = f"in the state of {', '.join(found.remaining)} somebody has to hold {', '.join(found.falling)}"
+    if found.status == "budget":
+        return [f"no order was found in {found.states} states; raise --states, or --holders ({what})"]
+    return [f"no order exists with so few holders: {what}"]
+
+
+def document(found: SequenceResult) -> dict[str, Any]:
+    """Return what was found, for programs; angles in radians."""
+    return {
+        "status": str(found.status),
+        "order": [
+            {"part": p.part, "direction": p.direction, "alpha_rad": p.alpha_rad, "held": list(p.held)}
+            for p in found.placements
+        ],
+        "supports": found.supports,
+        "holders": found.holders,
+        "obstacles": [{"part": o.part, "blockers": list(o.blockers)} for o in found.obstacles],
+        "falling": list(found.falling),
+        "remaining": list(found.remaining),
+        "states": found.states,
+    }

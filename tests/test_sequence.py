@@ -1,0 +1,141 @@
+"""Orders of assembly: every step of one can be done, the fewest supports are found, and a deadlock is named."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from random_assemblies import random_assembly
+
+from mocca_robot.assembly import Assembly, Mesh, Part, Polygon
+from mocca_robot.contacts import find_contacts
+from mocca_robot.errors import InputError
+from mocca_robot.loads import state_cases
+from mocca_robot.verify import insertion_rim, solve_case, sweep_blockers
+from planners.sequence import SequenceResult, SequenceStatus, find_sequence, reordered
+
+
+def box(name: str, x: float, y: float, w: float, h: float, fixed: bool = False) -> Part:
+    corners = np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
+    return Part(name, Polygon(corners), fixed=fixed)
+
+
+def flat(*parts: Part, alpha: float | None = None) -> Assembly:
+    return Assembly("flat", parts, alpha_rad=alpha)
+
+
+def cube(name: str, low: Sequence[float], size: Sequence[float], fixed: bool = False) -> Part:
+    import trimesh
+
+    mesh = trimesh.creation.box(extents=size)
+    return Part(name, Mesh(mesh.vertices + np.array(low) + np.array(size) / 2, mesh.faces), fixed=fixed)
+
+
+def require_buildable(assembly: Assembly, found: SequenceResult) -> None:
+    """Check every placement anew: the sweep out is free, and the state stands with what is held."""
+    assert found.status is SequenceStatus.FOUND
+    built = reordered(assembly, [p.part for p in found.placements])
+    contacts = find_contacts(built).contacts
+    for placement, case in zip(found.placements, state_cases(built), strict=True):
+        part = built.index(placement.part)
+        assert not sweep_blockers(built, part, insertion_rim(-placement.direction, built.alpha_rad or 0.0))
+        held = np.array(case.held)
+        held[[built.index(n) for n in placement.held]] = True
+        assert case.present[[built.index(n) for n in placement.held]].all()
+        if (case.present & ~held).any():
+            assert solve_case(built, contacts, replace(case, held=held)).result.stands, placement.part
+
+
+def test_a_tower_given_upside_down_is_built_from_below() -> None:
+    tower = [box(f"b{k}", 0, 0.02 + 0.02 * k, 0.04, 0.02) for k in range(4)]
+    assembly = flat(box("ground", -0.05, 0, 0.15, 0.02, True), *reversed(tower), alpha=np.deg2rad(5))
+    found = find_sequence(assembly)
+    assert [p.part for p in found.placements] == ["b0", "b1", "b2", "b3"]
+    assert found.supports == 0
+    require_buildable(assembly, found)
+
+
+@pytest.mark.parametrize("kind", ["stack", "wall", "arch", "voronoi"])
+def test_every_step_of_an_order_can_be_done(kind: str) -> None:
+    assembly = replace(random_assembly(kind, 3), alpha_rad=None)
+    found = find_sequence(assembly, states=60)
+    if found.status is SequenceStatus.FOUND:
+        require_buildable(assembly, found)
+    else:
+        assert found.obstacles or found.status is SequenceStatus.BUDGET
+
+
+def test_a_part_inside_another_is_deadlocked_by_name() -> None:
+    ring = Polygon(
+        np.array([[0, 0.02], [0.06, 0.02], [0.06, 0.08], [0, 0.08]]),
+        (np.array([[0.02, 0.04], [0.02, 0.06], [0.04, 0.06], [0.04, 0.04]]),),
+    )
+    assembly = flat(box("ground", -0.05, 0, 0.15, 0.02, True), Part("ring", ring), box("core", 0.02, 0.04, 0.02, 0.02))
+    found = find_sequence(assembly)
+    assert found.status is SequenceStatus.DEADLOCKED
+    assert not found.placements
+    # The ring cannot leave without its core, nor the core without the ring.
+    assert {o.part: o.blockers[0] for o in found.obstacles} == {"ring": "core", "core": "ring"}
+
+
+def bridge() -> Assembly:
+    """A beam on two posts whose left end hangs over until a weight keeps the right end down."""
+    return flat(
+        box("post", 0.0, 0.0, 0.02, 0.06, True),
+        box("beam", -0.10, 0.06, 0.14, 0.02),
+        box("weight", 0.0, 0.08, 0.04, 0.12),
+    )
+
+
+def test_a_state_that_falls_asks_for_a_holder() -> None:
+    found = find_sequence(bridge())
+    assert found.status is SequenceStatus.FOUND
+    assert found.supports >= 1
+    require_buildable(bridge(), found)
+    assert find_sequence(bridge(), holders=found.holders).status is SequenceStatus.FOUND
+    none = find_sequence(bridge(), holders=0)
+    assert none.status is SequenceStatus.FALLS
+    assert none.falling and set(none.falling) <= set(none.remaining)
+
+
+def test_fewest_supports_among_all_orders() -> None:
+    assembly = flat(
+        box("ground", 0, 0, 0.2, 0.02, True),
+        box("left", 0.02, 0.02, 0.02, 0.04),
+        box("slab", 0.02, 0.06, 0.12, 0.02),
+        box("right", 0.12, 0.02, 0.02, 0.04),
+    )
+    found = find_sequence(assembly)
+    fewest = None
+    for order in itertools.permutations(["left", "slab", "right"]):
+        built = reordered(assembly, order)
+        contacts = find_contacts(built).contacts
+        if all(solve_case(built, contacts, c).result.stands for c in state_cases(built)):
+            fewest = 0
+    assert fewest == 0 == found.supports
+    assert found.placements[-1].part == "slab"
+
+
+def test_solid_blocks_come_from_below_to_above() -> None:
+    assembly = Assembly(
+        "solid",
+        (
+            cube("ground", (-0.05, -0.05, 0), (0.15, 0.15, 0.02), True),
+            cube("top", (0, 0, 0.06), (0.04, 0.04, 0.04)),
+            cube("bottom", (0, 0, 0.02), (0.04, 0.04, 0.04)),
+        ),
+        alpha_rad=np.deg2rad(5),
+    )
+    found = find_sequence(assembly)
+    assert [p.part for p in found.placements] == ["bottom", "top"]
+    require_buildable(assembly, found)
+
+
+def test_orders_and_holders_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(InputError, match="weight"):
+        reordered(bridge(), ["beam"])
+    with pytest.raises(InputError, match="holders is -1"):
+        find_sequence(bridge(), holders=-1)
