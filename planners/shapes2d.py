@@ -103,16 +103,17 @@ class Shapes2D:
         return np.asarray(turned[self.pair])
 
     def surface(self, shape: Array, u: Array) -> Array:
-        """Return (E, 21, 2) curve points for shapes (E, 4) and directions (E, 2)."""
-        points = np.empty((len(shape), 21, 2))
+        """Return curve points (E, V, 2), V = 21 (piecewise-planar: 6), for shapes (E, 4) and directions (E, 2)."""
+        piecewise = self.options.piecewise_planar
+        points = np.empty((len(shape), 6 if piecewise else 21, 2))
         for kind in ("n", "z"):
             which = np.array([k == kind for k in self.kinds])
             if which.any():
-                points[which] = spline_points(kind, self.segments[which], u[which], shape[which])
+                points[which] = spline_points(kind, self.segments[which], u[which], shape[which], piecewise)
         return points
 
     def rays(self, curve: Array) -> tuple[Array, Array]:
-        """Return contact points and normals, (E, 40, 2) each: both ends of every straight piece of the curves."""
+        """Return contact points and normals, (E, 2 (V − 1), 2) each: both ends of every straight piece of the curves."""
         step = np.diff(curve, axis=1)
         normals = np.stack([step[..., 1], -step[..., 0]], axis=-1)
         normals /= np.maximum(np.linalg.norm(normals, axis=-1), 1e-300)[..., None]
@@ -136,8 +137,10 @@ class Shapes2D:
 
     def violations(self, curve: Array, shape: Array) -> Array:
         """Return (E, V) how far curves exceed their room and their smallest radius, in contact lengths; ≤ 0 is well."""
+        if self.options.piecewise_planar:  # long flat flanks: look at their middles too
+            curve = np.concatenate([curve, 0.5 * (curve[:, 1:] + curve[:, :-1])], axis=1)
         room = self.clearance.violation(curve) / self.lengths[:, None]
-        if self.options.min_radius <= 0.0:
+        if self.options.min_radius <= 0.0 or self.options.piecewise_planar:
             return np.asarray(room)
         radius = np.empty(len(shape))
         for kind in ("n", "z"):
@@ -205,11 +208,13 @@ class Shapes2D:
         length = contact.measure
         if abs(shape[2]) < 1e-4 and (kind == "n" or abs(shape[3]) < 1e-4):
             return planar(contact)
-        points = spline_points(kind, self.segments[index][None], u[None], shape[None])[0]
+        segment, piecewise = self.segments[index][None], self.options.piecewise_planar
+        points = spline_points(kind, segment, u[None], shape[None], piecewise)[0]
         names = ("w1", "w2", "h") if kind == "n" else ("w1", "w2", "h1", "h2")
         parameters = {name: float(value * length) for name, value in zip(names, shape)}
         parameters["lean_rad"] = float(np.arctan2(_cross2(contact.normal, u), contact.normal @ u))
-        return polyline_joint(contact, kind, u, points, parameters)
+        name = f"piecewise_{kind}" if self.options.piecewise_planar else kind
+        return polyline_joint(contact, name, u, points, parameters)
 
 
 def _cross2(a: Array, b: Array) -> float:

@@ -180,3 +180,13 @@ def test_a_drawing_with_few_digits_gets_its_reserves_too() -> None:
     exact, rounded = design(assembly), design(assembly.with_shapes(shapes))
     assert exact.achieved and rounded.achieved
     assert rounded.margin_rad == exact.margin_rad > 0.0
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_piecewise_planar_joints_hold_too_and_have_flat_flanks(seed: int) -> None:
+    outcome = design(random_assembly("wall", seed), JointOptions(piecewise_planar=True))
+    assert outcome.achieved
+    curved = [j for j in outcome.design.joints if not j.is_planar]
+    assert curved and all(j.kind.startswith("piecewise_") and len(j.facets) <= 5 for j in curved)
+    check = verify(outcome.design.assembly)
+    assert check.stands and check.part_overlap <= 1e-9

@@ -253,6 +253,13 @@ KEYS: tuple[Key, ...] = (
         high=2.0,
     ),
     Key(
+        "joints.piecewise_planar",
+        "boolean",
+        _J.piecewise_planar,
+        "",
+        "Flat flanks instead of curved ones, for saws and wires.",
+    ),
+    Key(
         "joints.tilt_margin_deg",
         "degrees",
         _degrees(_J.tilt_margin_rad),

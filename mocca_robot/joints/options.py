@@ -20,6 +20,7 @@ class JointOptions:
         min_distance: the same as an absolute lower bound.
         min_contact: contacts with a smaller length (2D) or square root of area (3D) stay planar.
         max_height: largest bump height as a share of the contact's length (2D) or shorter side (3D).
+        piecewise_planar: flat flanks instead of curved ones, for saws and wires; `min_radius` does not apply.
         tilt_margin_rad: extra tilt, in every azimuth, that the design aims to survive in each required state.
         inset: share by which contacts are narrowed and joints flattened while designing, so that the built
             structure holds its loads with forces strictly inside its joints.
@@ -33,6 +34,7 @@ class JointOptions:
     min_distance: float = 0.0
     min_contact: float = 0.0
     max_height: float = 0.6
+    piecewise_planar: bool = False
     tilt_margin_rad: float = float(np.deg2rad(1.0))
     inset: float = 0.02
     alpha_margin_rad: float = float(np.deg2rad(0.5))

@@ -19,14 +19,15 @@ from mocca_robot.joints.joint import Joint
 
 SplineKind: TypeAlias = Literal["n", "z"]
 
-_SPANS: dict[str, tuple[int, ...]] = {"n": (1, 9, 9, 1), "z": (1, 6, 6, 6, 1)}
+_SMOOTH: dict[str, tuple[int, ...]] = {"n": (1, 9, 9, 1), "z": (1, 6, 6, 6, 1)}
 """Straight pieces between knots. Both kinds have 20, hence 40 generalized normals (§3 asks for about 50)."""
 
-SEGMENTS = 20
+_PIECEWISE: dict[str, tuple[int, ...]] = {"n": (1, 1, 1, 2), "z": (1, 1, 1, 1, 1)}
+"""The same with flat flanks, from control point to control point."""
 
 
-def spline_points(kind: SplineKind, segments: Array, directions: Array, shape: Array) -> Array:
-    """Return the discretised curves of E joints at once, (E, 21, 2), from p1 to p2.
+def spline_points(kind: SplineKind, segments: Array, directions: Array, shape: Array, piecewise: bool = False) -> Array:
+    """Return the discretised curves of E joints at once, (E, 21, 2), from p1 to p2; (E, 6, 2) when `piecewise`.
 
     Args:
         kind: family of all of them.
@@ -34,11 +35,12 @@ def spline_points(kind: SplineKind, segments: Array, directions: Array, shape: A
         directions: (E, 2) unit principal directions u.
         shape: (E, 4) rows (w1, w2, h1, h2) in multiples of the contact's length: width of the flat at p1 and at
             p2, heights along u. n-type joints have no h2.
+        piecewise: piecewise-planar: straight lines between the control points.
     """
     p1, span = segments[:, 0], segments[:, 1] - segments[:, 0]
     length = np.linalg.norm(span, axis=1)
     knots_x, knots_y = _knots(kind, shape)
-    x, y = _curve(kind, knots_x, knots_y * length[:, None])
+    x, y = _curve((_PIECEWISE if piecewise else _SMOOTH)[kind], knots_x, knots_y * length[:, None])
     return np.asarray(p1[:, None] + x[..., None] * span[:, None] + y[..., None] * directions[:, None])
 
 
@@ -52,9 +54,9 @@ def _knots(kind: SplineKind, shape: Array) -> tuple[Array, Array]:
     return x, np.stack([zero, zero, h1, h2, zero, zero], 1)
 
 
-def _curve(kind: SplineKind, knots_x: Array, knots_y: Array) -> tuple[Array, Array]:
+def _curve(spans: tuple[int, ...], knots_x: Array, knots_y: Array) -> tuple[Array, Array]:
     xs, ys = [knots_x[:, :1]], [knots_y[:, :1]]
-    for k, pieces in enumerate(_SPANS[kind]):
+    for k, pieces in enumerate(spans):
         t = np.arange(1, pieces + 1) / pieces
         rise = t * t * (3.0 - 2.0 * t)
         xs.append(knots_x[:, k, None] + (knots_x[:, k + 1] - knots_x[:, k])[:, None] * t)
