@@ -110,11 +110,11 @@ def _inset(shapes: Shapes, surface: Array, inset: float) -> Array:
 
 def violation_of(problem: Problem, parameters: Parameters) -> float:
     """Return the worst violation of assemblability, slope, room and radius; ≤ `VIOLATED` counts as none."""
-    hinges = _hinges(problem, parameters, surface_of(problem, parameters), 0.0)
+    hinges = hinge_values(problem, parameters, surface_of(problem, parameters), 0.0)
     return float(hinges.max(initial=0.0))
 
 
-def _hinges(problem: Problem, parameters: Parameters, surface: Array, alpha_margin: float) -> Array:
+def hinge_values(problem: Problem, parameters: Parameters, surface: Array, alpha_margin: float) -> Array:
     """Return constraint values (E, H), violated where positive: slope, room and radius, then assemblability.
 
     n̂·n_contact ≥ cos(max slope); n̂·a_j ≥ sin(α + margin), in the last columns, one per ray.
@@ -218,7 +218,7 @@ def value_of(problem: Problem, parameters: Parameters, warm: EnergyResult | None
     options = problem.shapes.options
     result = evaluate(problem, parameters, options.inset, warm)
     surface = surface_of(problem, parameters)
-    hinges = _hinges(problem, parameters, surface, options.alpha_margin_rad)
+    hinges = hinge_values(problem, parameters, surface, options.alpha_margin_rad)
     heights = parameters.shape[parameters.curved][:, list(problem.shapes.heights)]
     value = ENERGY_WEIGHT * result.total + PENALTY_WEIGHT * float((np.maximum(hinges, 0.0) ** 2).sum())
     return value + SHALLOW_WEIGHT * float((heights**2).sum()), result, hinges
@@ -244,7 +244,7 @@ def linearised(problem: Problem, layout: Layout, parameters: Parameters, warm: E
         ahead = Parameters(shape, lean, parameters.axis, parameters.curved)
         moved = surface_of(problem, ahead)
         changes.append((_wrenches(problem, moved, result) - base) / step)
-        bends.append((_hinges(problem, ahead, moved, shapes.options.alpha_margin_rad) - hinges) / step)
+        bends.append((hinge_values(problem, ahead, moved, shapes.options.alpha_margin_rad) - hinges) / step)
     gradient, matrix = np.zeros(size), np.zeros((size, size))
     for k in range(len(loads.gravity)):
         balance = np.zeros((len(loads.about), loads.wrenches.shape[2], size))
@@ -262,7 +262,7 @@ def linearised(problem: Problem, layout: Layout, parameters: Parameters, warm: E
     for h in shapes.heights:
         heights[columns[h, layout.joints]] = parameters.shape[layout.joints, h]
     gradient += 2.0 * SHALLOW_WEIGHT * heights
-    strict = _hinges(problem, parameters, surface, 0.0)
+    strict = hinge_values(problem, parameters, surface, 0.0)
     return Linear(value, gradient, matrix, result, float(strict.max(initial=0.0)))
 
 
