@@ -113,7 +113,7 @@ class Shapes2D:
         return points
 
     def rays(self, curve: Array) -> tuple[Array, Array]:
-        """Return contact points and normals, (E, 2 (V − 1), 2) each: both ends of every straight piece of the curves."""
+        """Return contact points and normals, (E, 2 (V − 1), 2) each: both ends of every straight piece."""
         step = np.diff(curve, axis=1)
         normals = np.stack([step[..., 1], -step[..., 0]], axis=-1)
         normals /= np.maximum(np.linalg.norm(normals, axis=-1), 1e-300)[..., None]
