@@ -377,3 +377,11 @@ def test_falling_earlier_with_friction_is_a_note_and_holding_longer_a_contradict
     earlier, longer = with_tilt(20.0, 25.0), with_tilt(25.0, 20.0)
     assert disagreements(earlier) == () and "statics is an upper bound" in report_page(earlier)
     assert len(disagreements(longer)) == 1
+
+
+def test_an_interlocking_design_is_said_to_lock_not_to_stand(solid: ReportData) -> None:
+    cases = tuple(dataclasses.replace(c, case=dataclasses.replace(c.case, gravity=None)) for c in solid.after.cases)
+    held = all(c.result.stands for c in cases)
+    page = report_page(dataclasses.replace(solid, after=dataclasses.replace(solid.after, cases=cases)))
+    assert "Does it lock?" in page and "Does it stand?" not in page
+    assert (">Locks<" in page) == held

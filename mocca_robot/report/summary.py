@@ -65,6 +65,11 @@ def summary(data: ReportData) -> str:
 def _sentence(data: ReportData) -> str:
     before, after = _fallen(data.before), _fallen(data.after)
     name = esc(data.design.assembly.name)
+    if not after and before and _only_locking(data):
+        return (
+            f"<b>{name}</b> comes apart with flat contacts ({listed(before[0].moving, 4)} would move). With the "
+            "designed joints it locks: as long as its key is held, no part can move against another."
+        )
     if not after and before:
         return (
             f"<b>{name}</b> falls with flat contacts ({esc(case_words(before[0].case.name))}: "
@@ -78,6 +83,11 @@ def _sentence(data: ReportData) -> str:
         f"<b>{name}</b> does not hold {plural(len(after), 'load case')}; the worst is "
         f"“{esc(case_words(worst.case.name))}”, where {listed(worst.moving, 4)} would move."
     )
+
+
+def _only_locking(data: ReportData) -> bool:
+    """Return whether the design was asked to interlock and nothing else: gravity is not among its loads then."""
+    return bool(data.after.cases) and all(c.case.gravity is None for c in data.after.cases)
 
 
 def _fallen(verification: Verification) -> list[CaseVerdict]:
@@ -96,6 +106,9 @@ def _stands(data: ReportData) -> str:
     cases, fallen = data.after.cases, _fallen(data.after)
     largest = max((c.result.infeasibility for c in cases), default=0.0)
     figure = f"largest infeasibility E/|w|² = {significant(largest, 2)}"
+    if _only_locking(data):
+        locked, answer = ("bad", "Comes apart") if fallen else ("ok", "Locks")
+        return card(locked, "Does it lock?", answer, f"Every contact pushed apart, the key held; {figure}.")
     if not fallen:
         return card("ok", "Does it stand?", "Stands", f"{plural(len(cases), 'load case')} in equilibrium; {figure}.")
     unsure = [c for c in fallen if c.result.status == "inaccurate"]
