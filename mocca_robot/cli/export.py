@@ -37,12 +37,22 @@ def add(commands: Any) -> None:
     arguments.add_input(parser, "X")
     parser.add_argument("--format", required=True, choices=tuple(FORMATS), help="see above")
     parser.add_argument("-o", "--output", metavar="PATH", help="file, or folder for one file per part")
+    parser.add_argument("--clearance", type=float, default=0.0, metavar="MM", help="play between solid parts, in mm")
+    parser.add_argument(
+        "--bed", metavar="WxD", help="nest stl or 3mf on print beds of this size in mm, such as 220x220"
+    )
+    parser.add_argument("--scale", type=float, default=1.0, metavar="S", help="size on the print bed, such as 0.1")
+    parser.add_argument("--label-depth", type=float, default=0.0, metavar="MM", help="engrave numbers this deep, in mm")
     arguments.add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 after writing the files."""
+    if not args.scale > 0.0:
+        raise InputError(f"--scale {args.scale:g} is no size; give a number above 0, such as 0.1.")
+    if args.bed and args.format not in ("stl", "3mf"):
+        raise InputError(f"Print beds are written as stl or 3mf, not as {args.format}.")
     console = Console(args.json)
     with console.stage("export"):
         files = _plan(args) if args.format == "urscript" else _parts(args)
@@ -83,6 +93,11 @@ def _parts(args: argparse.Namespace) -> list[Path]:
         return _models(args.format, assembly, _writable(Path(args.output or f"{stem}_{args.format}")))
     if assembly.dimension == 2:
         raise InputError(f"'{assembly.name}' is flat; export it as one of {', '.join(SHEETS)}, not as {args.format}.")
+    from mocca_robot.files.clearance import with_clearance
+
+    assembly = with_clearance(assembly, args.clearance * 1e-3 / args.scale) if args.clearance else assembly
+    if args.bed:
+        return _beds(args, assembly, _writable(Path(args.output or stem)))
     if args.format == "glb":
         from mocca_robot.files.meshes import write_glb
 
@@ -97,6 +112,19 @@ def _parts(args: argparse.Namespace) -> list[Path]:
     # Slicers read STL in millimetres; 3MF says its unit itself.
     unit = "mm" if args.format == "stl" else "m"
     return write_parts([names[n] for n in assembly.sequence], meshes, folder, args.format, unit)
+
+
+def _beds(args: argparse.Namespace, assembly: Assembly, folder: Path) -> list[Path]:
+    from mocca_robot.contacts import find_contacts
+    from mocca_robot.files.print_bed import print_beds, write_beds
+
+    sides = args.bed.lower().replace("×", "x").split("x")
+    if len(sides) != 2 or not all(side.replace(".", "", 1).isdigit() and float(side) > 0 for side in sides):
+        raise InputError(f"'{args.bed}' is no bed size; give width x depth in millimetres, such as --bed 220x220.")
+    bed = (float(sides[0]) * 1e-3, float(sides[1]) * 1e-3)
+    contacts = find_contacts(assembly).contacts if args.label_depth else ()
+    nested = print_beds(assembly, bed, scale=args.scale, label_depth=args.label_depth * 1e-3, contacts=contacts)
+    return write_beds(nested, folder, args.format)
 
 
 def _models(kind: str, assembly: Assembly, folder: Path) -> list[Path]:
