@@ -7,6 +7,7 @@ the project's own statics, so what it is slow or stuck at is the approach.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
@@ -111,7 +112,7 @@ def direct_search(
         ahead = [value(step + STEP * unknown)[0] for unknown in np.eye(len(step))]
         return total, (np.array(ahead) - total) / STEP
 
-    try:
+    with suppress(StopIteration):  # solved, or out of evaluations: `best` knows
         minimize(
             value_and_slope,
             np.zeros(sum(layout.sizes)),
@@ -120,8 +121,6 @@ def direct_search(
             bounds=_bounds(problem, layout, start),
             options={"maxiter": evaluations, "maxfun": 10 * evaluations, "ftol": 1e-15, "gtol": 1e-12},
         )
-    except StopIteration:  # solved, or out of evaluations: `best` knows
-        pass
     return searched(problem, best[1], count)
 
 
