@@ -1,0 +1,201 @@
+"""Does the arm touch anything? Arm, gripper, table and parts as convex shapes in MuJoCo's collision detection.
+
+Links are capsules around the published kinematics, thicker than the real ones; the gripper is boxes; parts are convex
+pieces that cover them. Only geometry is used, no dynamics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from mocca_robot.assembly import Array
+from mocca_robot.ur.pose import rotation_matrix
+from planners.cell import RobotCell
+from planners.site import Site
+
+LINK_RADII = (0.075, 0.065, 0.058, 0.05, 0.05, 0.05)
+"""Metres, of a UR5e's six links with their covers; other arms in proportion to their shoulder height."""
+CLEARANCE_M = 0.002
+"""What arm, gripper and carried part keep from everything else."""
+
+_ARM, _FINGERS, _CARRIED, _SHOULDER = 1, 2, 4, 8
+
+
+class Scene:
+    """A cell with its parts; `hit` answers for one configuration at a time. Holds a MuJoCo model, so: one thread."""
+
+    def __init__(self, cell: RobotCell, site: Site, clearance_m: float = CLEARANCE_M) -> None:
+        import mujoco
+
+        self._mujoco = mujoco
+        self._cell = cell
+        self._clearance = clearance_m
+        spec = mujoco.MjSpec()
+        spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+        self._spec_names: list[str] = []
+        low, high = cell.table_m
+        spec.worldbody.add_geom(
+            name="table",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=0.5 * (low + high),
+            size=0.5 * (high - low),
+            contype=0,
+            conaffinity=_ARM | _FINGERS | _CARRIED,
+        )
+        self._add_arm(spec)
+        self._parts: dict[str, int] = {}
+        for body in site.bodies:
+            node = spec.worldbody.add_body(name=f"part {body.name}")
+            node.add_freejoint(name=f"part {body.name}")
+            for k, piece in enumerate(body.pieces):
+                name = f"part {body.name} {k}"
+                spec.add_mesh(name=name, uservert=piece.ravel())
+                node.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, contype=0, conaffinity=0)
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        model = self.model
+        self._geoms: dict[str, Array] = {}
+        self._address: dict[str, int] = {}
+        for body in site.bodies:
+            index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"part {body.name}")
+            self._geoms[body.name] = np.flatnonzero(model.geom_bodyid == index)
+            self._address[body.name] = int(model.jnt_qposadr[model.body_jntadr[index]])
+            self.place(body.name, np.eye(4))
+        self._fixed = frozenset(b.name for b in site.bodies if b.fixed)
+        self.roles()
+
+    def _add_arm(self, spec: Any) -> None:
+        mujoco, model, gripper = self._mujoco, self._cell.model, self._cell.gripper
+        thick = model.d[0] / 0.1625
+        side = 1.02 * model.d[3]
+        parent = spec.worldbody
+        before = ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])
+        segments: list[list[tuple[list[float], list[float]]]] = [
+            [([0, 0, 0.03], [0, 0, model.d[0]])],
+            [
+                ([0, 0, 0], [0, 0, side]),
+                ([0, 0, side], [model.a[1], 0, side]),
+                ([model.a[1], 0, side], [model.a[1], 0, 0]),
+            ],
+            [([0, 0, 0], [model.a[2], 0, 0])],
+            [([0, 0, 0], [0, 0, model.d[3]])],
+            [([0, 0, 0], [0, 0, model.d[4]])],
+            [([0, 0, 0], [0, 0, model.d[5] - 0.05 * thick])],
+        ]
+        alphas = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
+        links = []
+        for k in range(6):
+            body = parent.add_body(name=f"link {k}", pos=before[0], quat=before[1])
+            body.add_joint(name=f"joint {k}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+            for n, (a, b) in enumerate(segments[k]):
+                body.add_geom(
+                    name=f"link {k} {n}",
+                    type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+                    fromto=[*a, *b],
+                    size=[LINK_RADII[k] * thick, 0, 0],
+                    contype=_SHOULDER if k == 0 else _ARM,
+                    conaffinity=0,
+                    margin=self._clearance,
+                )
+            links.append(body)
+            half = 0.5 * alphas[k]
+            # The transform after joint k: along z by d, along x by a, about x by alpha.
+            before = ([model.a[k], 0.0, model.d[k]], [float(np.cos(half)), float(np.sin(half)), 0.0, 0.0])
+            parent = body
+        flange = parent.add_body(name="flange", pos=before[0], quat=before[1])
+        low, high = gripper.palm_m
+        flange.add_geom(
+            name="palm",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=0.5 * (low + high),
+            size=0.5 * (high - low),
+            contype=_ARM,
+            conaffinity=0,
+            margin=self._clearance,
+        )
+        low, high = gripper.finger_m
+        for name, sign in (("left", 1.0), ("right", -1.0)):
+            finger = flange.add_body(name=f"finger {name}")
+            finger.add_joint(name=f"finger {name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, sign, 0])
+            middle = 0.5 * (low + high) * np.array([1.0, sign, 1.0])
+            finger.add_geom(
+                name=f"finger {name}",
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                pos=middle,
+                size=0.5 * (high - low),
+                contype=_FINGERS,
+                conaffinity=0,
+                margin=self._clearance,
+            )
+        # The arm against itself: the hand and the wrist against shoulder, upper arm and forearm.
+        names = {k: [f"link {k} {n}" for n in range(len(segments[k]))] for k in range(6)}
+        hand = ["palm", "finger left", "finger right"]
+        for first, second in (
+            *((a, b) for k in (0, 1) for a in names[k] for j in (3, 4, 5) for b in names[j]),
+            *((a, b) for k in (0, 1, 2) for a in names[k] for b in hand),
+        ):
+            spec.add_pair(geomname1=first, geomname2=second, margin=0.0)
+
+    def roles(self, *, carried: str | None = None, grasped: str | None = None, absent: Iterable[str] = ()) -> None:
+        """Set roles: `carried` moves with the tool; the fingers may touch `grasped`; `absent` parts are not there."""
+        gone = set(absent)
+        for name, geoms in self._geoms.items():
+            kind, met = 0, _ARM | _FINGERS | _CARRIED | _SHOULDER
+            if name in gone:
+                met = 0
+            elif name == carried:
+                kind, met = _CARRIED, _ARM | _SHOULDER
+            elif name == grasped:
+                met = _ARM | _SHOULDER
+            self.model.geom_contype[geoms] = kind
+            self.model.geom_conaffinity[geoms] = met
+            self.model.geom_margin[geoms] = self._clearance if name == carried else 0.0
+            body = self.model.geom_bodyid[geoms[0]]
+            self.model.body_contype[body] = kind
+            self.model.body_conaffinity[body] = met
+            self.model.body_margin[body] = self._clearance if name == carried else 0.0
+        self._carried = carried
+
+    def place(self, name: str, motion: Array) -> None:
+        """Move a part by `motion` (4, 4) from its place in the structure."""
+        a = self._address[name]
+        self.data.qpos[a : a + 3] = motion[:3, 3]
+        self._mujoco.mju_mat2Quat(self.data.qpos[a + 3 : a + 7], np.ascontiguousarray(motion[:3, :3]).ravel())
+
+    def hit(self, q: Sequence[float] | Array, opening_m: float, grip: Array | None = None) -> str:
+        """Return what touches what, '' when nothing does. `grip` (4, 4) takes the carried part along: its motion from
+        its place in the structure is flange pose @ grip.
+        """
+        mujoco, data = self._mujoco, self.data
+        data.qpos[:6] = q
+        data.qpos[6:8] = 0.5 * opening_m
+        if self._carried is not None and grip is not None:
+            self.place(self._carried, self._cell.model.frames(q)[-1] @ grip)
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_collision(self.model, data)
+        for k in range(data.ncon):
+            contact = data.contact[k]
+            if contact.dist < (self._clearance if contact.includemargin > 0 else 0.0):
+                return " against ".join(self._name(g) for g in contact.geom)
+        return ""
+
+    def _name(self, geom: int) -> str:
+        name = str(self.model.geom(int(geom)).name)
+        return name.rsplit(" ", 1)[0] if name.startswith(("part", "link")) else name
+
+
+def straight(translation: Array) -> Array:
+    """Return the (4, 4) motion that only translates."""
+    out = np.eye(4)
+    out[:3, 3] = translation
+    return out
+
+
+def turned(rotvec: Array) -> Array:
+    """Return the (4, 4) motion that only rotates about the origin."""
+    out = np.eye(4)
+    out[:3, :3] = rotation_matrix(rotvec)
+    return out
