@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from mocca_robot.assembly import Array, Assembly, Goal, Mesh, Polygon
 from mocca_robot.contacts import Contact, find_contacts, to_shapely
@@ -15,6 +17,7 @@ from mocca_robot.loads import LoadCase, case_wrenches, load_cases, tilted_gravit
 from mocca_robot.parts_graph import PartMotion, part_motions
 from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium
 from mocca_robot.statics.tilt import critical_angle
+from mocca_robot.tolerances import TOLERANCES
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,8 +201,8 @@ def insertion_rim(axis: Array, alpha_rad: float, count: int = 8) -> Array:
 def sweep_blockers(assembly: Assembly, part: int, ways_out: Array) -> tuple[int, ...]:
     """Return the earlier parts that `part` hits on its way out along any of `ways_out` (m, d).
 
-    The sweep is long enough to clear everything. Touching is not hitting: an overlap counts when it survives
-    shrinking by the contact tolerance.
+    The sweep is long enough to clear everything. Touching is not hitting: an overlap counts when it is deeper than
+    parts at rest may overlap.
     """
     if assembly.dimension == 3:
         from mocca_robot.sweep3d import sweep_blockers_3d
@@ -207,28 +210,28 @@ def sweep_blockers(assembly: Assembly, part: int, ways_out: Array) -> tuple[int,
         return sweep_blockers_3d(assembly, part, ways_out)
     moving = assembly.parts[part].shape
     assert isinstance(moving, Polygon)
-    earlier = [to_shapely(p.shape) for p in assembly.parts[:part] if isinstance(p.shape, Polygon)]
-    tree = shapely.STRtree(earlier)
-    hit: set[int] = set()
-    tolerance = 1e-6 * assembly.size
-    for way in ways_out:
-        swept = _swept(moving, way * 2.0 * assembly.size)
-        for k in tree.query(swept, predicate="intersects"):
-            common = shapely.intersection(swept, earlier[k])
-            if not shapely.is_empty(shapely.buffer(common, -tolerance)):
-                hit.add(int(k))
-    return tuple(sorted(hit))
+    depth = TOLERANCES.overlap_depth * assembly.size
+    earlier = [p.shape for p in assembly.parts[:part] if isinstance(p.shape, Polygon)]
+    tree = shapely.STRtree([_core(shape, depth) for shape in earlier])
+    swept = np.concatenate([_entered(moving, way * 2.0 * assembly.size) for way in ways_out])
+    _, hit = tree.query(swept, predicate="intersects")
+    return tuple(int(k) for k in np.unique(hit))
 
 
-def _swept(polygon: Polygon, travel: Array) -> shapely.Geometry:
-    """Return the area a polygon passes over while moving by `travel`: its copies and its edges' parallelograms."""
-    pieces = [to_shapely(polygon), shapely.transform(to_shapely(polygon), lambda x: x + travel)]
-    for ring in polygon.rings:
-        following = np.roll(ring, -1, axis=0)
-        corners = np.stack([ring, following, following + travel, ring + travel], axis=1)
-        parallelograms = shapely.polygons(corners)
-        pieces.extend(parallelograms[shapely.area(parallelograms) > 0])
-    return shapely.union_all(np.array(pieces))
+@lru_cache(maxsize=1024)
+def _core(polygon: Polygon, depth: float) -> shapely.Geometry:
+    """Return what lies deeper than `depth` inside a polygon; kept, since every later part is swept against it."""
+    return shapely.buffer(to_shapely(polygon), -depth, join_style="mitre")
+
+
+def _entered(polygon: Polygon, travel: Array) -> NDArray[np.object_]:
+    """Return what a polygon enters while moving by `travel`: the parallelograms that its leading edges sweep."""
+    start = np.concatenate(polygon.rings)
+    end = np.concatenate([np.roll(ring, -1, axis=0) for ring in polygon.rings])
+    edge = end - start
+    leading = edge[:, 1] * travel[0] - edge[:, 0] * travel[1] > 0.0
+    corners = np.stack([start, end, end + travel, start + travel], axis=1)[leading]
+    return np.asarray(shapely.polygons(corners))
 
 
 def part_overlap(assembly: Assembly) -> float:
