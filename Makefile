@@ -2,6 +2,7 @@
 #   make setup   .venv with the command mocca-robot in it
 #   make demo    a leaning tower: designed, checked in physics, reported
 #   make test    style, types and tests
+#   make docs    the documentation site, in site/, from pages that are up to date
 #   make bench   all measurements, the long ones included
 
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
@@ -17,7 +18,7 @@ export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test style types unit bench bench-quick clean
+.PHONY: help setup demo test style types unit docs bench bench-quick clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -52,6 +53,11 @@ types: setup
 
 unit: setup
 	$(BIN)/python -m pytest -n $(WORKERS) -m "not long"
+
+docs: setup
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	$(BIN)/python docs/generate.py
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 bench: setup
 	$(BIN)/python -m pytest -n $(WORKERS) -m long

@@ -1,0 +1,346 @@
+"""Write the pages of the documentation that are made from the code: `python docs/generate.py` (or `make docs`).
+
+cli.md comes from the argument parsers, config.md and the configuration's JSON Schema from the table of keys, api.md
+from the docstrings of the public names, changelog.md from CHANGELOG.md. A test compares them with what the code says.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import inspect
+import json
+import re
+import sys
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+NOTICE = "<!-- Written by docs/generate.py from the code; edit that instead. -->\n"
+
+PUBLIC: dict[str, tuple[str, ...]] = {
+    "mocca_robot": (),
+    "planners": (),
+    "sim": (),
+    "mocca_robot.contacts": ("Contact", "ContactReport", "NearMiss", "Overlap", "require_sound"),
+    "mocca_robot.motion_cone": ("MotionCone", "generalized_normals", "extreme_rays", "largest_cone"),
+    "mocca_robot.loads": ("LoadCase", "load_cases", "state_cases", "tilted_gravity"),
+    "mocca_robot.statics.equilibrium": ("EquilibriumResult", "Status", "equilibrium"),
+    "mocca_robot.verify": (
+        "CaseVerdict",
+        "InsertionVerdict",
+        "Verification",
+        "insertion_verdicts",
+        "solve_case",
+        "verify",
+    ),
+    "mocca_robot.design": ("CaseResult", "Insertion"),
+    "mocca_robot.joints.options": ("JointOptions",),
+    "mocca_robot.joints.joint": ("Joint",),
+    "mocca_robot.files.assembly_json": ("read_assembly", "write_assembly"),
+    "mocca_robot.files.clearance": ("with_clearance",),
+    "mocca_robot.files.cut": ("write_cut_svg", "write_cut_dxf"),
+    "mocca_robot.files.meshes": ("read_parts", "write_parts", "write_glb"),
+    "mocca_robot.files.print_bed": ("Placed", "print_beds", "write_beds"),
+    "mocca_robot.files.schema": ("CutOptions", "SimulationOptions"),
+    "mocca_robot.generators": ("generate",),
+    "planners.designer": ("NarrowPart",),
+    "planners.kinematic": ("Impossible",),
+    "sim.mjcf": ("export_mjcf", "export_urdf"),
+    "sim.simulation_json": ("read_simulation", "write_simulation"),
+    "mocca_robot.ur.plan": ("Plan", "Step", "Grasp", "Move", "MoveKind", "Waypoint", "Cell", "write_plan"),
+    "mocca_robot.ur.plan_reader": ("read_plan",),
+    "mocca_robot.ur.dry_run": ("dry_run",),
+}
+"""Module → the names that people may rely on; () stands for the package's own `__all__`."""
+
+
+def public_names(module: str) -> tuple[str, ...]:
+    """Return the public names of one module of `PUBLIC`, in their order."""
+    return PUBLIC[module] or tuple(import_module(module).__all__)
+
+
+def pages() -> dict[str, str]:
+    """Return every generated file: path relative to docs/ → content."""
+    return {
+        "cli.md": cli_page(),
+        "config.md": config_page(),
+        "api.md": api_page(),
+        "changelog.md": NOTICE + (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
+        "schemas/config.schema.json": json.dumps(config_schema(), indent=1, ensure_ascii=False) + "\n",
+    }
+
+
+def commands() -> dict[str, tuple[str, argparse.ArgumentParser]]:
+    """Return command → (one line of help, its parser); 'config show' is a command of its own."""
+    from mocca_robot.cli.parser import build_parser
+
+    found: dict[str, tuple[str, argparse.ArgumentParser]] = {}
+
+    def collect(parser: argparse.ArgumentParser, prefix: str) -> None:
+        for action in parser._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                lines = {a.dest: a.help or "" for a in action._choices_actions}
+                for name, inner in action.choices.items():
+                    found[f"{prefix}{name}"] = (lines.get(name, ""), inner)
+                    collect(inner, f"{prefix}{name} ")
+
+    collect(build_parser(), "")
+    return found
+
+
+def cli_page() -> str:
+    """Return the reference of the command line."""
+    from mocca_robot.cli.parser import EPILOG
+
+    out = [NOTICE, "# Commands\n", _paragraph(EPILOG) + "\n"]
+    listed = commands()
+    out.append("| command | what it does |\n|---|---|")
+    out += [f"| [`{name}`](#{name.replace(' ', '-')}) | {_cell(line)} |" for name, (line, _) in listed.items()]
+    for name, (line, parser) in listed.items():
+        out.append(f"\n## {name}\n")
+        text = parser.description or f"{line[:1].upper()}{line[1:]}."
+        out.append(_paragraph(text) + "\n")
+        rows = [
+            _option(a) for a in parser._actions if not isinstance(a, argparse._HelpAction | argparse._SubParsersAction)
+        ]
+        if rows:
+            out.append("| argument | meaning |\n|---|---|")
+            out += rows
+    return "\n".join(out).rstrip() + "\n"
+
+
+def _option(action: argparse.Action) -> str:
+    value = "" if action.nargs == 0 else str(action.metavar or action.dest.upper())
+    if action.option_strings:
+        shown = ", ".join(f"`{o} {value}`" if value and not action.choices else f"`{o}`" for o in action.option_strings)
+    else:
+        shown = f"`{action.metavar or action.dest}`" + (" (may be left out)" if action.nargs == "?" else "")
+    text = (action.help or "").replace("%%", "%").replace("%(default)s", str(action.default))
+    if action.choices:
+        text = f"{text}; one of {', '.join(f'`{c}`' for c in action.choices)}"
+    return f"| {shown} | {_cell(text)}{' **Required.**' if action.option_strings and action.required else ''} |"
+
+
+def config_page() -> str:
+    """Return the reference of configuration keys."""
+    from mocca_robot.files.schema import KEYS
+
+    out = [
+        NOTICE,
+        "# Configuration keys\n",
+        "A configuration is a YAML file of plain values. Any key can also be set on the command line: "
+        "`--set alpha_deg=10 --set joints.margin=0.1`. Unknown keys are refused, with the nearest known one. Lengths "
+        "with the unit *units* are in the file's own `units`; a text such as `3 mm` says its unit itself. "
+        "[A JSON Schema](schemas/config.schema.json) lets editors complete and check keys.\n",
+    ]
+    sections = {"": "Top level"}
+    for key in KEYS:
+        prefix = key.name.rpartition(".")[0]
+        sections.setdefault(prefix, f"Section `{prefix}`")
+    for prefix, title in sections.items():
+        out.append(f"## {title}\n\n| key | kind | default | unit | meaning |\n|---|---|---|---|---|")
+        for key in KEYS:
+            if key.name.rpartition(".")[0] == prefix:
+                default = "not set" if key.default is None else f"`{_plain(key.default)}`"
+                known = f" One of {', '.join(f'`{k}`' for k in key.known)}." if key.known else ""
+                out.append(
+                    f"| `{key.name}` | {key.kind} | {default} | {key.unit} | "
+                    f"{_cell(key.description)}{known}{_limits(key)} |"
+                )
+        out.append("")
+    return "\n".join(out).rstrip() + "\n"
+
+
+def _limits(key: Any) -> str:
+    signs = (("≥", key.low), (">", key.above), ("≤", key.high), ("<", key.below))
+    said = [f"{sign} {limit:g}" for sign, limit in signs if limit is not None]
+    return f" Limits: {', '.join(said)}." if said else ""
+
+
+def config_schema() -> dict[str, Any]:
+    """Return a JSON Schema for configurations, as far as one can say their rules without reading the model."""
+    from mocca_robot.files.schema import KEYS
+
+    kinds: dict[str, dict[str, Any]] = {
+        "number": {"type": "number"},
+        "integer": {"type": "integer"},
+        "degrees": {"type": ["number", "null"]},
+        "length": {"type": ["number", "string"]},
+        "boolean": {"type": "boolean"},
+        "name": {"type": ["string", "number"]},
+        "text": {"type": "string"},
+        "names": {"type": "array"},
+        "vector": {"type": ["number", "array"]},
+        "goals": {"type": ["string", "object", "array"]},
+        "pairs": {"type": "array"},
+        "mapping": {"type": "object"},
+    }
+    root: dict[str, Any] = {"type": "object", "additionalProperties": False, "properties": {}}
+    for key in KEYS:
+        if key.kind == "choice":
+            rule: dict[str, Any] = {"enum": list(key.known)}
+        elif key.kind == "choices":
+            rule = {"type": "array", "items": {"enum": list(key.known)}, "minItems": 1}
+        else:
+            rule = dict(kinds[key.kind])
+        limits = (("minimum", key.low), ("maximum", key.high), ("exclusiveMinimum", key.above))
+        for word, limit in (*limits, ("exclusiveMaximum", key.below)):
+            if limit is not None:
+                rule[word] = limit
+        inside = root
+        *sections, last = key.name.split(".")
+        for name in sections:
+            if name == "NAME":
+                inside = inside.setdefault("additionalProperties", {"type": "object"})
+            else:
+                inside = inside["properties"][name]
+            inside.setdefault("properties", {})
+            if name != "parts":
+                inside["additionalProperties"] = False
+        inside.setdefault("properties", {})[last] = {"description": _describe(key), **rule}
+    parts = root["properties"]["parts"]
+    parts.pop("properties", None)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "mocca-robot configuration",
+        "description": "A YAML file that says what to design; reading it checks more than this schema can say.",
+        **root,
+    }
+
+
+def _describe(key: Any) -> str:
+    return f"{key.description} Unit: {key.unit}." if key.unit else str(key.description)
+
+
+def api_page() -> str:
+    """Return the reference of public names, from their docstrings."""
+    out = [
+        NOTICE,
+        "# Python\n",
+        "Metres, radians, newtons, kilograms; y is up for flat assemblies, z for solid ones. Arrays are numpy arrays, "
+        "read-only where they are stored. What is not listed here may change without notice.\n",
+    ]
+    seen: set[int] = set()
+    for module in PUBLIC:
+        rows = []
+        for name in public_names(module):
+            value = getattr(import_module(module), name)
+            if id(value) in seen:
+                continue
+            seen.add(id(value))
+            rows.append(f"### {module}.{name}\n\n```text\n{_signature(name, value)}\n```\n\n{_docstring(value)}\n")
+        if rows:
+            out.append(f"## {module}\n\n{_first_line(import_module(module))}\n")
+            out += rows
+    return "\n".join(out).rstrip() + "\n"
+
+
+def _signature(name: str, value: Any) -> str:
+    if inspect.isclass(value):
+        if issubclass(value, Exception):
+            return f"class {name}({value.__bases__[0].__name__})"
+        if not dataclasses.is_dataclass(value):
+            return f"class {name}"
+        fields = [f"{f.name}: {_type(f.type)}{_default(f)}" for f in dataclasses.fields(value)]
+        return f"{name}(" + "".join(f"\n    {f}," for f in fields) + ("\n)" if fields else ")")
+    parameters = []
+    keyword_only = False
+    for p in inspect.signature(value).parameters.values():
+        if p.kind is p.KEYWORD_ONLY and not keyword_only:
+            parameters.append("*")
+            keyword_only = True
+        default = "" if p.default is p.empty else f" = {_short(p.default)}"
+        stars = "*" if p.kind is p.VAR_POSITIONAL else "**" if p.kind is p.VAR_KEYWORD else ""
+        parameters.append(f"{stars}{p.name}: {_type(p.annotation)}{default}")
+    returned = _type(inspect.signature(value).return_annotation)
+    line = f"{name}({', '.join(parameters)}) -> {returned}"
+    if len(line) > 100:
+        line = f"{name}(" + "".join(f"\n    {p}," for p in parameters) + f"\n) -> {returned}"
+    return line
+
+
+def _type(annotation: Any) -> str:
+    return annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
+
+
+def _default(field: dataclasses.Field[Any]) -> str:
+    if field.default is not dataclasses.MISSING:
+        return f" = {_short(field.default)}"
+    return " = …" if field.default_factory is not dataclasses.MISSING else ""
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    text = repr(value)
+    return text if len(text) <= 60 and " at 0x" not in text and "\n" not in text else "…"
+
+
+def _docstring(value: Any) -> str:
+    text = inspect.cleandoc(value.__doc__ or "")
+    if not text:
+        raise SystemExit(f"{value!r} is public and has no docstring.")
+    first, _, rest = text.partition("\n\n")
+    parts = [_escaped(_paragraph(first))]
+    for block in rest.split("\n\n") if rest else []:
+        head, _, body = block.partition("\n")
+        if head.rstrip() in ("Attributes:", "Args:"):
+            parts.append("\n".join(_entries(body)))
+        else:
+            parts.append(_escaped(_paragraph(block)))
+    return "\n\n".join(p for p in parts if p)
+
+
+def _entries(body: str) -> list[str]:
+    """Return a list item per 'name: meaning' of an indented block; deeper lines continue the one before."""
+    lines = inspect.cleandoc("x\n" + body).splitlines()[1:]
+    indent = min((len(line) - len(line.lstrip()) for line in lines if line.strip()), default=0)
+    items: list[str] = []
+    for line in lines:
+        text = line[indent:]
+        if text.startswith(" ") and items:
+            items[-1] += " " + text.strip()
+        elif text.strip():
+            name, colon, meaning = text.partition(":")
+            items.append(f"- `{name}`:{_escaped(meaning)}" if colon else f"- {_escaped(text)}")
+    return items
+
+
+def _first_line(module: ModuleType) -> str:
+    return _escaped(_paragraph((inspect.getdoc(module) or "").split("\n\n")[0]))
+
+
+def _paragraph(text: str) -> str:
+    return re.sub(r"\s+", " ", text.replace("``", "`")).strip()
+
+
+def _escaped(text: str) -> str:
+    """Return text whose stars, brackets and angles stay what they are, outside of code spans."""
+    pieces = re.split(r"(`[^`]*`)", text)
+    return "".join(p if p.startswith("`") else re.sub(r"([*_<>\[\]])", r"\\\1", p) for p in pieces)
+
+
+def _cell(text: str) -> str:
+    return _paragraph(text).replace("|", "\\|").replace("<", "&lt;")
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_plain(v) for v in value) + "]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def main() -> int:
+    """Return 0 after writing every generated page."""
+    for name, content in pages().items():
+        (ROOT / "docs" / name).write_text(content, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
