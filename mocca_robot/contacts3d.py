@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray, Mesh, read_only
-from mocca_robot.contacts import Contact, ContactReport, NearMiss
+from mocca_robot.contact import Contact, ContactReport, NearMiss
 from mocca_robot.facets import FacetSet, facets
 from mocca_robot.penetration import penetrations
 from mocca_robot.tolerances import TOLERANCES, Tolerances

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from mocca_robot.assembly import Array, Assembly, IntArray, Mesh
-from mocca_robot.contacts import Contact, Overlap
+from mocca_robot.contact import Contact, Overlap
 from mocca_robot.facets import FacetSet
 
 if TYPE_CHECKING:

@@ -69,7 +69,7 @@ def planar(contact: Contact) -> Joint:
         facets: IntArray = np.array([[0, 1]])
         vertices = contact.polygon
     else:
-        from mocca_robot.joints.bicubic import triangulated
+        from mocca_robot.joints.triangulation import triangulated
 
         vertices, facets = triangulated(contact)
     return Joint(contact, "planar", contact.normal, vertices, facets)
