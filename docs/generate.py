@@ -95,14 +95,13 @@ def cli_page() -> str:
     """Return the reference of the command line."""
     from mocca_robot.cli.parser import EPILOG
 
-    out = [NOTICE, "# Commands\n", _paragraph(EPILOG) + "\n"]
+    out = [NOTICE, "# Commands\n", _sentence(EPILOG) + "\n"]
     listed = commands()
     out.append("| command | what it does |\n|---|---|")
     out += [f"| [`{name}`](#{name.replace(' ', '-')}) | {_cell(line)} |" for name, (line, _) in listed.items()]
     for name, (line, parser) in listed.items():
         out.append(f"\n## {name}\n")
-        text = parser.description or f"{line[:1].upper()}{line[1:]}."
-        out.append(_paragraph(text) + "\n")
+        out.append(_sentence(parser.description or line) + "\n")
         rows = [
             _option(a) for a in parser._actions if not isinstance(a, argparse._HelpAction | argparse._SubParsersAction)
         ]
@@ -231,7 +230,7 @@ def api_page() -> str:
             if id(value) in seen:
                 continue
             seen.add(id(value))
-            rows.append(f"### {module}.{name}\n\n```text\n{_signature(name, value)}\n```\n\n{_docstring(value)}\n")
+            rows.append(f"### {name}\n\n```text\n{_signature(name, value)}\n```\n\n{_docstring(value)}\n")
         if rows:
             out.append(f"## {module}\n\n{_first_line(import_module(module))}\n")
             out += rows
@@ -315,6 +314,11 @@ def _first_line(module: ModuleType) -> str:
 
 def _paragraph(text: str) -> str:
     return re.sub(r"\s+", " ", text.replace("``", "`")).strip()
+
+
+def _sentence(text: str) -> str:
+    text = _paragraph(text)
+    return text[:1].upper() + text[1:] + ("" if text.endswith(".") else ".")
 
 
 def _escaped(text: str) -> str:

@@ -137,7 +137,7 @@ def test_every_public_name_is_documented() -> None:
     page = (DOCS / "api.md").read_text(encoding="utf-8")
     for module in GENERATE.PUBLIC:
         for name in GENERATE.public_names(module):
-            assert re.search(rf"^### [\w.]+\.{name}$", page, re.MULTILINE), f"{module}.{name}"
+            assert re.search(rf"^### {name}$", page, re.MULTILINE), f"{module}.{name}"
 
 
 def test_every_verdict_and_error_is_explained() -> None:
@@ -212,3 +212,16 @@ def test_plans_fit_their_schema() -> None:
 @pytest.mark.parametrize("name", ["assembly", "design", "simulation", "plan"])
 def test_schemas_refuse_another_format(name: str) -> None:
     assert list(schema(name).iter_errors({"format": "something/else", "version": 1}))
+
+
+def test_the_citation_is_that_of_the_citation_file(capsys: pytest.CaptureFixture[str]) -> None:
+    from mocca_robot.cli.cite import bibtex
+
+    known = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    (article,) = known["references"]
+    assert main(["cite"]) == 0
+    said = capsys.readouterr().out
+    assert bibtex("wang2021mocca") in said
+    assert known["title"].partition(": ")[2] in said
+    for value in (article["title"].partition(": ")[2], article["doi"], article["journal"], str(article["year"])):
+        assert value in bibtex("wang2021mocca")
