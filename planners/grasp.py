@@ -42,7 +42,7 @@ class GraspSearch:
 
 
 def find_grasps(
-    site: Site, part: int, cell: RobotCell, *, limit: int = 60, rng: np.random.Generator | None = None
+    site: Site, part: int, cell: RobotCell, *, limit: int = 200, rng: np.random.Generator | None = None
 ) -> GraspSearch:
     """Return up to `limit` grasps of a part; `rng` chooses the points that are tried on solid parts."""
     shape = site.assembly.parts[part].shape

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -57,7 +58,7 @@ def timed(cell: RobotCell, joints: Sequence[Array], speed_m_s: float, accelerati
 def joint_motion(cell: RobotCell, corners: Sequence[Array]) -> tuple[Waypoint, ...]:
     """Return the timed path through joint-space corners, at rest at each."""
     out: list[Waypoint] = []
-    for a, b in zip(corners[:-1], corners[1:], strict=True):
+    for a, b in itertools.pairwise(corners):
         count = max(12, int(np.ceil(1.9 * np.abs(b - a).max() / 0.08)) + 1)
         share = ease(count)[:, None]
         piece = timed(

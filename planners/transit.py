@@ -32,7 +32,7 @@ def edge_free(a: Array, b: Array, free: Free) -> bool:
 
 
 def connect(
-    start: Array, goal: Array, free: Free, limit: Array, rng: np.random.Generator, tries: int = 1500
+    start: Array, goal: Array, free: Free, limit: Array, rng: np.random.Generator, tries: int = 300
 ) -> list[Array] | None:
     """Return corners of a free path from `start` to `goal` in joint space, or None after `tries` samples.
 

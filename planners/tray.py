@@ -26,6 +26,11 @@ def tray_layout(site: Site, cell: RobotCell) -> Tray:
     InputError when the tray is too small, naming the first part that has no place.
     """
     low, high = cell.tray_m
+    gap = np.full(2, cell.gap_m)
+    if site.assembly.dimension == 2:
+        # The hand is widest across a flat part: it must pass between two rows.
+        across = np.abs(np.cross(site.turn[:, 0], site.turn[:, 1]))[:2]
+        gap = np.maximum(gap, across * (cell.gripper.palm_m[1, 1] + 0.005))
     x, y, depth = float(low[0]), float(high[1]), 0.0
     offsets = {}
     for body in site.bodies:
@@ -33,7 +38,7 @@ def tray_layout(site: Site, cell: RobotCell) -> Tray:
             continue
         size = body.high - body.low
         if y - size[1] < low[1] and y < high[1]:
-            x, y, depth = x + depth + cell.gap_m, float(high[1]), 0.0
+            x, y, depth = x + depth + float(gap[0]), float(high[1]), 0.0
         if x + size[0] > high[0] or y - size[1] < low[1]:
             raise InputError(
                 f"The tray of cell '{cell.name}', {np.round(high - low, 3).tolist()} m, has no room for part "
@@ -41,7 +46,7 @@ def tray_layout(site: Site, cell: RobotCell) -> Tray:
             )
         corner = np.array([x, y - size[1], cell.table_m[1, 2] + cell.nest_m])
         offsets[body.name] = corner - body.low
-        y -= float(size[1]) + cell.gap_m
+        y -= float(size[1] + gap[1])
         depth = max(depth, float(size[0]))
     return Tray(offsets)
 

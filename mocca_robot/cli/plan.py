@@ -1,0 +1,126 @@
+"""`mocca-robot plan`: from a design to a plan for a robot cell, with the tray that it needs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mocca_robot.cli import arguments
+from mocca_robot.cli.console import Console
+from mocca_robot.cli.simulate import stored_design
+from mocca_robot.errors import InputError
+
+if TYPE_CHECKING:
+    from planners.build_plan import BuildPlan
+
+DESCRIPTION = """For every part in sequence: pick from the tray, transit, insertion along the cone's axis, release and
+retreat, collision-free and within all limits. Writes plan.json and the tray's drawing. `mocca-robot execute` checks a
+plan and runs it."""
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "plan", help="plan the build of a design with a robot", description=DESCRIPTION
+    )
+    parser.add_argument("design", metavar="DESIGN", help="design.json, or the folder that holds it")
+    parser.add_argument("--cell", required=True, metavar="FILE", help="YAML file of the robot cell")
+    parser.add_argument("-o", "--output", metavar="FILE", help="plan to write (default: plan.json beside the design)")
+    parser.add_argument(
+        "--supports",
+        default="",
+        metavar="PART,...",
+        help="parts that something else holds from the moment they are placed; 'all' for every part",
+    )
+    parser.add_argument("--friction", type=float, default=0.0, metavar="MU", help="Coulomb coefficient (default 0)")
+    parser.add_argument("--seed", type=int, default=0, help="of the random ways tried (default 0)")
+    arguments.add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Return 0 with a plan written, 1 with the reasons why there is none."""
+    import os
+
+    from mocca_robot.files.design_json import read_design
+    from mocca_robot.files.output import write_atomic
+    from mocca_robot.ur.plan import write_plan
+    from mocca_robot.ur.plan_reader import file_sha256
+    from planners.build_plan import build_plan
+    from planners.cell import read_cell
+    from planners.recheck import recheck
+    from planners.tray import tray_svg
+
+    console = Console(args.json)
+    source = stored_design(Path(args.design))
+    if source is None:
+        raise InputError(f"{args.design} is no design. Write one with `mocca-robot design`, and give its design.json.")
+    with console.stage("read"):
+        design = read_design(source)
+        cell = read_cell(args.cell)
+    target = Path(args.output) if args.output else source.with_name("plan.json")
+    names = [p.name for p in design.assembly.parts if not p.fixed]
+    supports = names if args.supports == "all" else [n for n in args.supports.split(",") if n]
+    with console.stage("plan"):
+        built = build_plan(
+            design,
+            cell,
+            file_sha256(source),
+            friction=args.friction,
+            supports=supports,
+            seed=args.seed,
+            design_path=os.path.relpath(source, target.parent),
+        )
+    wrong = []
+    if built.plan is not None:
+        with console.stage("check again"):
+            wrong = [str(f) for f in recheck(built.plan, cell, built.site, built.tray)]
+    written = []
+    if built.plan is not None and not wrong:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_plan(built.plan, target)
+        drawing = target.with_name("tray.svg")
+        write_atomic(drawing, tray_svg(built.site, cell, built.tray))
+        written = [str(target), str(drawing)]
+    for line in [*lines(built), *wrong[:10], *(f"wrote {w}" for w in written)]:
+        console.say(line)
+    console.say(console.times())
+    return console.finish(0 if written else 1, {**document(built), "findings": wrong, "files": written})
+
+
+def lines(built: BuildPlan) -> list[str]:
+    """Return what was planned, for people."""
+    import numpy as np
+
+    out = []
+    for fall in built.falls:
+        out.append(
+            f"after {fall.part} is placed, {', '.join(fall.moving)} would fall: declare supports (--supports "
+            f"{','.join(fall.moving)}), another sequence (`mocca-robot sequence`), or a support-free design"
+        )
+    for name in built.out_of_reach:
+        out.append(f"{name} is out of the arm's reach: build nearer to the base, smaller, or with a longer arm")
+    for r in built.reports:
+        if r.placed:
+            cone, usable = np.rad2deg(r.cone_rad), np.rad2deg(r.usable_rad)
+            out.append(
+                f"{r.part}: held over {1e3 * r.grasp_width_m:.1f} mm; {usable:.1f}° of its {cone:.1f}° cone usable; "
+                f"{r.attempts} attempts, {r.seconds:.2f} s"
+            )
+        else:
+            out.append(f"{r.part} cannot be placed ({r.attempts} attempts): {r.reasons}")
+    if built.plan is not None:
+        total = sum(m.path[-1].t for s in built.plan.steps for m in s.moves)
+        out.append(f"{len(built.plan.steps)} parts, {total:.0f} s of motion")
+    return out
+
+
+def document(built: BuildPlan) -> dict[str, Any]:
+    """Return what was planned, for programs; angles in radians."""
+    return {
+        "planned": built.plan is not None,
+        "parts": [dict(vars(r)) for r in built.reports],
+        "falls": [{"part": f.part, "moving": list(f.moving)} for f in built.falls],
+        "out_of_reach": list(built.out_of_reach),
+    }
