@@ -78,7 +78,7 @@ def evaluate(
     `inset` narrows each joint about its middle and lowers its bump by that share, for designing with a reserve.
     """
     surface = surface_of(problem, parameters)
-    points, normals = problem.shapes.rays(_inset(problem.shapes, surface, inset))
+    points, normals = problem.shapes.rays(narrowed(problem.shapes, surface, inset))
     return energy(problem.loads, problem.pairs, points, normals, moved_wrenches(problem, surface), warm)
 
 
@@ -98,7 +98,7 @@ def _drawn(shapes: Shapes, parameters: Parameters) -> Array:
     return np.where(parameters.curved[:, None], parameters.shape, flat)
 
 
-def _inset(shapes: Shapes, surface: Array, inset: float) -> Array:
+def narrowed(shapes: Shapes, surface: Array, inset: float) -> Array:
     """Return surfaces (E, V, d) narrowed about their contact's centre and flattened towards its plane."""
     if inset == 0.0:
         return surface
@@ -275,7 +275,7 @@ def _scatter(balance: Array, part: IntArray, column: IntArray, change: Array) ->
 def _wrenches(problem: Problem, surface: Array, result: EnergyResult) -> Array:
     """Return (K, E, 2, dof): what each joint's forces and moved mass do to its two parts, over |w| of the case."""
     shapes, loads = problem.shapes, problem.loads
-    points, normals = shapes.rays(_inset(shapes, surface, shapes.options.inset))
+    points, normals = shapes.rays(narrowed(shapes, surface, shapes.options.inset))
     return joint_wrenches(loads, problem.pairs, points, normals, result.forces, *shapes.transferred(surface))
 
 

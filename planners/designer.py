@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,15 +20,20 @@ from mocca_robot.parts_graph import PartMotion, part_motions
 from mocca_robot.verify import insertion_rim, sweep_blockers
 from mocca_robot.ways_out import ways_out
 from planners.catalogue import fit, select
+from planners.descent import MARGIN_SOLVED, VIOLATED, Parameters, Problem, evaluate
 from planners.energy import Loads
 from planners.kinematic import Impossible, bound, required_wrenches
-from planners.realization import Parameters, Polished, Problem, evaluate, polish
+from planners.realization import SOLVED, Polished, polish
 from planners.shapes import Shapes
 from planners.shapes2d import Shapes2D
 from planners.shapes3d import Shapes3D
+from planners.thinning import thinned
 
 MANY_JOINTS = 120
-"""Joints above which a catalogue of shapes on all of them at once takes longer than it saves."""
+"""Joints above which descent starts from all joints curved and makes planar afterwards what it can: with so many
+neighbours a choice of few joints made beforehand ends in a local rest."""
+FEW_CASES = 4
+"""Load cases up to which making joints planar afterwards takes seconds."""
 
 Progress = Callable[[str, float], None]
 """Called with what is being done and the largest E/|w|² that is left."""
@@ -91,7 +96,9 @@ def design(
     require_sound(assembly, report)
     if not report.contacts:
         raise InputError(f"'{assembly.name}' has no contacts between its parts; there is nothing to design.")
-    found = report.contacts
+    fixed = assembly.fixed
+    # Between two fixed parts nothing is carried and nothing is inserted.
+    found = tuple(c for c in report.contacts if not fixed[list(c.parts)].all())
     required = load_cases(assembly)
     margins = margin_cases(assembly, required, options.tilt_margin_rad)
     loads = Loads.of(assembly, found, (*required, *margins))
@@ -181,7 +188,7 @@ def _search(problem: Problem, start: Parameters, progress: Progress | None) -> t
         attempt = Problem(shapes, problem.loads, problem.required, problem.pairs, problem.alpha_rad)
         step = None if progress is None else (lambda _, worst, what=label: progress(what, worst))
         polished = polish(attempt, first, progress=step)
-        hard = max(float(polished.infeasibility[: problem.required].max()) / 1e-13, polished.violation / 1e-6, 1.0)
+        hard = max(float(polished.infeasibility[: problem.required].max()) / SOLVED, polished.violation / VIOLATED, 1.0)
         rank = (hard, float(polished.infeasibility.max()))
         if best is None or rank < best[0]:
             best = (rank, shapes, polished)
@@ -189,38 +196,51 @@ def _search(problem: Problem, start: Parameters, progress: Progress | None) -> t
         if rank[0] <= 1.0 and (rank[1] <= 1e-9 or label not in ("few joints", "selected joints")):
             break
     assert best is not None
+    few = len(problem.loads.gravity) <= FEW_CASES and len(problem.pairs) > MANY_JOINTS
+    if few and best[0][0] <= 1.0:
+        return best[1], _thinned(replace(problem, shapes=best[1]), best[2])
     return best[1], best[2]
+
+
+def _thinned(problem: Problem, found: Polished) -> Polished:
+    """Return a design with fewer curved joints that holds as well as the one found, or that one."""
+    fewer = polish(problem, thinned(problem, found.parameters), evaluations=12)
+    required = slice(0, problem.required)
+    holds = fewer.infeasibility[required].max() <= SOLVED and fewer.violation <= VIOLATED
+    worse = fewer.infeasibility.max() > max(float(found.infeasibility.max()), 0.1 * MARGIN_SOLVED)
+    total = found.evaluations + fewer.evaluations
+    return replace(found if worse or not holds else fewer, evaluations=total)
 
 
 def _attempts(problem: Problem, start: Parameters) -> Iterator[tuple[str, Shapes, Parameters]]:
     """Yield starting points from the most promising to the most stubborn.
 
-    First the joints that kinematic design asks for, unless that is most of them; then shapes chosen for all joints
-    together; then uniform bumps of either sign (at height h > 0 normals lean outwards, at h < 0 inwards, a choice
-    the convex relaxation does not see); then every joint from where kinematic design left it.
+    First the joints that kinematic design asks for; then shapes chosen for all joints together; then uniform bumps
+    of either sign (at height h > 0 normals lean outwards, at h < 0 inwards, a choice the convex relaxation does not
+    see); then every joint from where kinematic design left it. Large assemblies start from uniform bumps.
     """
     shapes, loads = problem.shapes, problem.loads
+    every = shapes.can_curve
+    uniform = [
+        (f"uniform {kind}", shapes.with_kinds([kind] * len(every)), Parameters(bump, start.lean, start.axis, every))
+        for kind, bump in shapes.uniform_bumps()
+    ]
+    if len(shapes.contacts) > MANY_JOINTS:
+        yield from uniform
+        return
     points, normals, prices = shapes.candidate_rays()
     allowed = np.isfinite(prices)
     if problem.alpha_rad is not None:
         axis = start.axis[problem.pairs[:, 1]]
         allowed &= np.einsum("erd,ed->er", normals, axis) >= np.sin(problem.alpha_rad) - 1e-9
     allowed |= prices == 0.0
-    large = len(shapes.contacts) > MANY_JOINTS
-    cases = _telling_cases(problem)[: 4 if large else 24]
     price = np.where(allowed, prices, 0.0)
-    required = required_wrenches(shapes.contacts, points, normals, price, allowed, loads, cases)
+    required = required_wrenches(shapes.contacts, points, normals, price, allowed, loads, _telling_cases(problem))
     fitted, first = fit(problem, required, start)
-    if not large or 3 * int(first.curved.sum()) < 2 * len(shapes.contacts):
-        yield "few joints", fitted, first
-    if not large:
-        planar_energy = evaluate(problem, start)
-        hardest = np.sort(np.argsort(-planar_energy.infeasibility)[:8])
-        yield "selected joints", *select(problem, start, hardest)
-    every = shapes.can_curve
-    for kind, bump in shapes.uniform_bumps():
-        family = shapes.with_kinds([kind] * len(shapes.contacts))
-        yield f"uniform {kind}", family, Parameters(bump, start.lean, start.axis, every)
+    yield "few joints", fitted, first
+    hardest = np.sort(np.argsort(-evaluate(problem, start).infeasibility)[:8])
+    yield "selected joints", *select(problem, start, hardest)
+    yield from uniform
     resting = np.where(first.curved[:, None], first.shape, shapes.rest)
     yield "all joints", fitted, Parameters(resting, first.lean, first.axis, every)
 

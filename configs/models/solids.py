@@ -138,7 +138,7 @@ ORDER = ("foot", "shin", "post", "eave_a", "eave_b", "lintel", "rafter", "spar")
 
 LILIUM_PROFILE = (
     (1.0, 0.0), (0.87, 0.36), (0.78, 0.72), (0.72, 1.08), (0.7, 1.42), (0.73, 1.76), (0.77, 2.06), (0.73, 2.3),
-    (0.58, 2.42), (0.41, 2.37), (0.25, 2.26),
+    (0.58, 2.42), (0.41, 2.38), (0.25, 2.3),
 )  # fmt: skip
 """Radius and height of the beds, metres: a waist, a lip, and the inverted bump inside it."""
 LILIUM_LEAN_DEG = (0, 0, 0, 0, 2, 6, 16, 38, 62, 70, 76)
