@@ -67,8 +67,12 @@ def _link(angle: float, d: float, a: float, alpha: float) -> Array:
 
 
 def nearest_turn(model: RobotModel, q: Array, near: Array) -> Array:
-    """Return `q` with full turns added so that every joint lies as near to `near` as its limits allow."""
+    """Return `q` with full turns added so that every joint lies as near to `near` as its limits allow.
+
+    The elbow stays in (−π, π]: beyond, the forearm would have passed through the upper arm.
+    """
     turns = np.round((near - q) / (2 * np.pi))
+    turns[2] = 0.0
     limit = np.asarray(model.joint_limit_rad)
     out = q + 2 * np.pi * turns
     out = np.where(out > limit, out - 2 * np.pi, out)

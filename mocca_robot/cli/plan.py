@@ -33,6 +33,7 @@ def add(commands: Any) -> None:
         metavar="PART,...",
         help="parts that something else holds from the moment they are placed; 'all' for every part",
     )
+    parser.add_argument("--size", type=float, metavar="M", help="longest side of the structure (default: the cell's)")
     parser.add_argument("--friction", type=float, default=0.0, metavar="MU", help="Coulomb coefficient (default 0)")
     parser.add_argument("--seed", type=int, default=0, help="of the random ways tried (default 0)")
     arguments.add_json(parser)
@@ -42,6 +43,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Return 0 with a plan written, 1 with the reasons why there is none."""
     import os
+    from dataclasses import replace
 
     from mocca_robot.files.design_json import read_design
     from mocca_robot.files.output import write_atomic
@@ -59,6 +61,10 @@ def run(args: argparse.Namespace) -> int:
     with console.stage("read"):
         design = read_design(source)
         cell = read_cell(args.cell)
+    if args.size is not None:
+        if not 0.0 < args.size <= 10.0:
+            raise InputError(f"--size is {args.size:g}; give the longest side in metres, above 0 and at most 10.")
+        cell = replace(cell, build_size_m=args.size)
     target = Path(args.output) if args.output else source.with_name("plan.json")
     names = [p.name for p in design.assembly.parts if not p.fixed]
     supports = names if args.supports == "all" else [n for n in args.supports.split(",") if n]
