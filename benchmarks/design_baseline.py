@@ -130,7 +130,9 @@ def configs(quick: bool, only: str | None) -> Iterator[Measurement]:
         ours = measure(
             "configs", path.stem, "ours", partial(_ours, config.assembly, config.joints), limit_s=300.0, repeats=3
         )
-        ratio = 60.0 * minutes / ours.seconds
-        yield replace(ours, verdict=f"{ours.verdict}; {ratio:.0f}× less than the paper's")
+        if ours.verdict == "holds":
+            ratio = 60.0 * minutes / ours.seconds
+            ours = replace(ours, verdict=f"holds; {ratio:.0f}× less than the paper's")
+        yield ours
         nothing = float("nan")
         yield Measurement("configs", path.stem, "paper, 64 cores", 60.0 * minutes, 0, "published", nothing, nothing)
