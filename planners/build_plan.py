@@ -16,6 +16,7 @@ from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import find_contacts
 from mocca_robot.design import Design, Insertion
 from mocca_robot.errors import InputError
+from mocca_robot.files.design_json import StoredDesign
 from mocca_robot.loads import LoadCase, state_cases
 from mocca_robot.ur.plan import Grasp, Move, MoveKind, Plan, Step, Waypoint
 from mocca_robot.ur.pose import three, transform
@@ -25,7 +26,7 @@ from planners.cell import RobotCell
 from planners.grasp import GraspPose, find_grasps, summary
 from planners.scene import Scene, straight
 from planners.site import Site, site
-from planners.trajectory import flange_of, joint_motion, line, line_motion, reversed_motion
+from planners.trajectory import joint_motion, line, line_motion, reversed_motion
 from planners.transit import connect
 from planners.tray import Tray, tray_layout
 
@@ -116,7 +117,7 @@ def falls(assembly: Assembly, friction: float = 0.0, supports: Collection[str] =
 
 
 def build_plan(
-    design: Design,
+    design: Design | StoredDesign,
     cell: RobotCell,
     design_sha256: str,
     *,
@@ -276,7 +277,7 @@ def _ways(
     opened = grasp.width_m + bench.cell.gripper.opening_m
     closed = grasp.width_m
     model, scene = bench.cell.model, bench.scene
-    grip = np.linalg.inv(seat)
+    grip = np.asarray(np.linalg.inv(seat), dtype=np.float64)
     tool = seat[:3, 2]
 
     scene.place(name, np.eye(4))
@@ -332,7 +333,7 @@ def _from_tray(
     opened = grasp.width_m + bench.cell.gripper.opening_m
     closed = grasp.width_m
     scene, model = bench.scene, bench.cell.model
-    grip = np.linalg.inv(pick) @ straight(bench.tray.offsets[name])
+    grip: Array = np.linalg.inv(pick) @ straight(bench.tray.offsets[name])
     scene.place(name, straight(bench.tray.offsets[name]))
     scene.roles(grasped=name)
     reason = bench.free(q_pick, opened) or _blocked(bench, pick, -0.07 * pick[:3, 2], q_pick, opened)
@@ -423,7 +424,7 @@ def _step(
     rest = Waypoint(0.0, insert[-1].q, insert[-1].tcp)
     force = min(FORCE_N, limits.abort_force_n)
     fast = limits.transfer_speed_m_s
-    moves = (
+    moves: tuple[Move, ...] = (
         Move(MoveKind.TRANSIT, joint_motion(cell, ways.to_tray), fast, force, opened),
         Move(MoveKind.APPROACH, approach, slow, force, opened),
         Move(MoveKind.PICK, pick, slow, force, closed),
@@ -502,6 +503,3 @@ def _homeward(bench: _Bench, step: Step) -> Step:
         opening,
     )
     return Step(step.part, step.grasp, (*step.moves, move), step.direction, step.alpha_rad)
-
-
-__all__ = ["BuildPlan", "Fall", "PartReport", "build_plan", "falls", "flange_of", "out_of_reach"]

@@ -27,8 +27,8 @@ class Gripper:
         tcp_offset: the point between the pads, flange frame.
         stroke_m: smallest and largest opening.
         palm_m: (2, 3) corners of the box around the hand, flange frame.
-        finger_m: (2, 3) corners of the box around one finger when the opening is zero; the other mirrors it in y.
-        pad_radius_m: how far a part must extend around the point between the pads.
+        finger_m: (2, 3) corners of the box around one finger, pads left out, when closed; the other mirrors it in y.
+        pad_radius_m: of the pads, which touch each other when closed; a part must cover them.
         opening_m: how much wider than the part the fingers open before and after the grasp.
     """
 

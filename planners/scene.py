@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array
-from mocca_robot.ur.pose import rotation_matrix
+from mocca_robot.assembly import Array, IntArray
 from planners.cell import RobotCell
 from planners.site import Site
 
@@ -35,7 +34,6 @@ class Scene:
         self._clearance = clearance_m
         spec = mujoco.MjSpec()
         spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
-        self._spec_names: list[str] = []
         low, high = cell.table_m
         spec.worldbody.add_geom(
             name="table",
@@ -46,7 +44,6 @@ class Scene:
             conaffinity=_ARM | _FINGERS | _CARRIED,
         )
         self._add_arm(spec)
-        self._parts: dict[str, int] = {}
         for body in site.bodies:
             node = spec.worldbody.add_body(name=f"part {body.name}")
             node.add_freejoint(name=f"part {body.name}")
@@ -57,14 +54,13 @@ class Scene:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         model = self.model
-        self._geoms: dict[str, Array] = {}
+        self._geoms: dict[str, IntArray] = {}
         self._address: dict[str, int] = {}
         for body in site.bodies:
             index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, f"part {body.name}")
-            self._geoms[body.name] = np.flatnonzero(model.geom_bodyid == index)
+            self._geoms[body.name] = np.flatnonzero(model.geom_bodyid == index).astype(np.int64)
             self._address[body.name] = int(model.jnt_qposadr[model.body_jntadr[index]])
             self.place(body.name, np.eye(4))
-        self._fixed = frozenset(b.name for b in site.bodies if b.fixed)
         self.roles()
 
     def _add_arm(self, spec: Any) -> None:
@@ -191,11 +187,4 @@ def straight(translation: Array) -> Array:
     """Return the (4, 4) motion that only translates."""
     out = np.eye(4)
     out[:3, 3] = translation
-    return out
-
-
-def turned(rotvec: Array) -> Array:
-    """Return the (4, 4) motion that only rotates about the origin."""
-    out = np.eye(4)
-    out[:3, :3] = rotation_matrix(rotvec)
     return out

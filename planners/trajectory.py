@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from mocca_robot.assembly import Array
-from mocca_robot.ur.models import RobotModel
 from mocca_robot.ur.plan import Waypoint
 from mocca_robot.ur.pose import six
 from planners.arm_poses import trace
@@ -100,8 +99,3 @@ def reversed_motion(path: Sequence[Waypoint]) -> tuple[Waypoint, ...]:
     """Return the same path driven backwards."""
     end = path[-1].t
     return tuple(Waypoint(end - w.t, w.q, w.tcp) for w in reversed(path))
-
-
-def flange_of(model: RobotModel, q: Sequence[float] | Array) -> Array:
-    """Return the flange pose (4, 4) of joint angles."""
-    return model.frames(q)[-1]

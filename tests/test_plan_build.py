@@ -219,12 +219,13 @@ def test_scarecrow_from_its_design_to_a_dry_run(tmp_path: Path, capsys: pytest.C
     assert main(["execute", str(tmp_path / "plan.json")]) == 2
 
 
+@pytest.mark.long
 @undisturbed
 def test_a_planned_part_is_built_on_the_fake_controller(tmp_path: Path) -> None:
     result = build_plan(tower(1), replace(cell(), serial="20265500042"), "0" * 64)
     plan = plan_of(result)
     write_plan(plan, tmp_path / "plan.json")
-    with fake_controller(tmp_path / "plan.json", loopback(9)) as host:
+    with fake_controller(tmp_path / "plan.json", loopback(9), "--speedup", "2") as host:
         done = run("execute", tmp_path / "plan.json", "--robot", host, "--confirm", plan.cell.name, "--json")
     assert done.returncode == 0, done.stdout + done.stderr
     assert json.loads(done.stdout)["steps_finished"] == 1
