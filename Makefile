@@ -51,8 +51,10 @@ style: setup
 types: setup
 	$(BIN)/mypy
 
+# Tests of the robot driver watch a clock of 100 ms and so do not share the machine with others.
 unit: setup
-	$(BIN)/python -m pytest -n $(WORKERS) -m "not long"
+	@failed=0; $(BIN)/python -m pytest -n $(WORKERS) -m "not long" --ignore-glob='*/test_ur_*' || failed=1; \
+	$(BIN)/python -m pytest -m "not long" tests/test_ur_*.py || failed=1; exit $$failed
 
 docs: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
