@@ -29,10 +29,10 @@ from planners.shapes2d import Shapes2D
 from planners.shapes3d import Shapes3D
 from planners.thinning import thinned
 
-MANY_JOINTS = 120
+MANY_JOINTS = 60
 """Joints above which descent starts from all joints curved and makes planar afterwards what it can: with so many
 neighbours a choice of few joints made beforehand ends in a local rest."""
-FEW_CASES = 4
+FEW_CASES = 5
 """Load cases up to which making joints planar afterwards takes seconds."""
 
 Progress = Callable[[str, float], None]

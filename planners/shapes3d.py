@@ -33,6 +33,9 @@ SMALLEST = 0.4
 """Smallest bump, as a share of its rectangle's sides."""
 TOWARDS_EXIT = float(np.deg2rad(35.0))
 """Largest angle between a pair's reference direction and its contact's normal."""
+NEAR_EXIT = float(np.deg2rad(40.0))
+"""Angle to the way out that a reference direction need not come below: bumps that lean more than they must are
+steep on one side only, and a shell tilted to all sides needs both."""
 LEAN_IN_REACH = 0.2
 """Further lean of u (as |u' − u|, 11°) for which the reach of bumps is computed."""
 
@@ -71,8 +74,8 @@ class Shapes3D:
     def of(cls, assembly: Assembly, contacts: Sequence[Contact], options: JointOptions, axis: Array) -> Shapes3D:
         """Return the bicubic joints over `contacts`; `axis` (N, 3) is the direction in which each part leaves.
 
-        A height field along the way out never blocks it, so u leans from the contact's normal towards it, as far
-        as `TOWARDS_EXIT` allows.
+        A height field along the way out never blocks it, so u leans from the contact's normal towards it until
+        it is within `NEAR_EXIT`, as far as `TOWARDS_EXIT` allows.
         """
         pairs = sorted({c.parts for c in contacts})
         index = {p: k for k, p in enumerate(pairs)}
@@ -254,12 +257,12 @@ class Shapes3D:
 
 
 def _towards(normal: Array, way_out: Array, most_rad: float) -> Array:
-    """Return `normal` turned towards `way_out` by at most `most_rad`."""
+    """Return `normal` turned towards `way_out` by at most `most_rad`, and not nearer to it than `NEAR_EXIT`."""
     side = way_out - (way_out @ normal) * normal
     length = float(np.linalg.norm(side))
     if length < 1e-9:
         return normal
-    angle = min(float(np.arctan2(length, way_out @ normal)), most_rad)
+    angle = float(np.clip(np.arctan2(length, way_out @ normal) - NEAR_EXIT, 0.0, most_rad))
     return np.asarray(np.cos(angle) * normal + np.sin(angle) * side / length)
 
 

@@ -1,0 +1,49 @@
+"""The solid configurations designed, written, read back, and judged from the files alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mocca_robot.files.config import load
+from mocca_robot.files.design_json import read_design, write_design
+from mocca_robot.verify import verify
+from planners.designer import design
+
+CONFIGS = Path(__file__).parent.parent / "configs"
+OVERLAP = 1e-6
+"""Of a part's volume."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "sphere",
+        "horse",
+        pytest.param("pavilion", marks=pytest.mark.long),
+        pytest.param("lilium_tower", marks=pytest.mark.long),
+    ],
+)
+def test_what_is_written_stands_and_goes_together(name, tmp_path):
+    config = load(CONFIGS / f"{name}.yaml")
+    found = design(config.assembly, config.joints, insertion=dict(config.insertion))
+    assert found.achieved
+    before = [case.infeasibility_before for case in found.design.load_cases]
+    assert min(before) > 1e-9, "the planar input falls"
+
+    written = read_design(write_design(found.design, tmp_path))
+    judged = verify(written.assembly, directions={i.part: np.asarray(i.direction) for i in written.insertion})
+    assert judged.stands
+    assert judged.assemblable
+    assert judged.part_overlap < OVERLAP
+    alpha = config.assembly.alpha_rad
+    assert min(i.alpha_rad for i in judged.insertions) >= alpha - 1e-6
+
+
+@pytest.mark.long
+def test_a_small_subset_of_the_towers_contacts_changes():
+    config = load(CONFIGS / "lilium_tower.yaml")
+    joints = design(config.assembly, config.joints).design.joints
+    assert 0 < sum(not joint.is_planar for joint in joints) < len(joints) / 2
