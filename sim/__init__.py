@@ -1,5 +1,7 @@
 """What physics says: MuJoCo as a judge that shares nothing with the statics but the geometry."""
 
-from sim.simulate import Questions, Simulation, simulate
+from sim.questions import Questions
+from sim.simulate import simulate
+from sim.simulation import Simulation
 
 __all__ = ["Questions", "Simulation", "simulate"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -12,131 +12,23 @@ import numpy as np
 
 from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import Contact, ContactReport, find_contacts, require_sound
-from mocca_robot.errors import InputError, nearest
 from mocca_robot.loads import LoadCase, state_cases
 from mocca_robot.statics import Status
 from mocca_robot.verify import solve_case
 from sim.contact_model import ContactModel, contact_model, pieces
 from sim.directions import Direction, InsertionCone, directions, insertion_cone
-from sim.hand import HandOptions, PlacingError
+from sim.hand import PlacingError
 from sim.insertion import InsertionTrial, insert, insertion_scene
-from sim.robust import RobustOptions, RobustReport, robust_report, robust_trials
+from sim.questions import Questions
+from sim.robust import robust_report, robust_trials
+from sim.simulation import ConeSummary, Simulation
 from sim.states import StateResult, state_result
 from sim.tilt import TiltReport, azimuths, physical_tilt, tilt_scene
 from sim.trial_store import Row, Trial, TrialStore, assembly_hash, run_trials
 
 METHOD = 1
 """Raise it when verdicts are reached in another way: trials kept from before then run again."""
-STAGES = ("states", "tilt", "insertion", "robust")
 Result = TypeVar("Result")
-
-
-@dataclass(frozen=True)
-class Questions:
-    """What to ask physics.
-
-    Attributes:
-        stages: any of 'states', 'tilt', 'insertion', 'robust'.
-        friction: Coulomb coefficient in states, insertions and robustness trials.
-        tilt_frictions: one tilt table each; `friction` is added when missing.
-        azimuths: of the tilt table in 3D (2D: right and left).
-        directions: ways in that cover each part's cone.
-        clearances: metres; every one is tried along the axis and the rim.
-        errors: of the placing hand; each is tried along the axis without clearance, the hardest case.
-        hand: its stiffness and what counts as a jam.
-        robust: distributions of the robustness trials.
-        seed: of everything drawn at random.
-        threads: None = one per core.
-    """
-
-    stages: tuple[str, ...] = ("states", "tilt", "insertion")
-    friction: float = 0.0
-    tilt_frictions: tuple[float, ...] = (0.0, 0.3)
-    azimuths: int = 8
-    directions: int = 12
-    clearances: tuple[float, ...] = (0.0, 3e-4)
-    errors: tuple[PlacingError, ...] = (
-        PlacingError((5e-4,)),
-        PlacingError((-5e-4,)),
-        PlacingError((), float(np.deg2rad(1.0))),
-        PlacingError((), -float(np.deg2rad(1.0))),
-    )
-    hand: HandOptions = field(default_factory=HandOptions)
-    robust: RobustOptions = field(default_factory=RobustOptions)
-    seed: int = 0
-    threads: int | None = None
-
-    def __post_init__(self) -> None:
-        for stage in self.stages:
-            if stage not in STAGES:
-                raise InputError(f"No stage is called '{stage}'; {nearest(stage, STAGES)}")
-        if self.azimuths < 1 or self.directions < 1:
-            raise InputError(f"azimuths = {self.azimuths} and directions = {self.directions} must both be at least 1.")
-        for value in (self.friction, *self.tilt_frictions, *self.clearances):
-            if not (np.isfinite(value) and value >= 0.0):
-                raise InputError(f"Friction and clearance must be finite and not negative; {value} is not.")
-
-
-@dataclass(frozen=True)
-class ConeSummary:
-    """The cone that a part's insertion trials cover, radians; see `sim.directions.InsertionCone`."""
-
-    part: str
-    axis: tuple[float, ...]
-    realised_rad: float
-    tried_rad: float
-
-
-@dataclass(frozen=True)
-class Simulation:
-    """What physics says, beside what statics says.
-
-    Attributes:
-        name: of the assembly.
-        engine: 'mujoco 3.17.0'.
-        dimension: 2 or 3.
-        states: one per free part, in assembly order.
-        tilt: by friction, then azimuth.
-        cones, insertion: per part; every insertion trial.
-        robust: success rates with confidence intervals; None when not asked for.
-        seconds: wall time by stage.
-        notes: near misses, parts inserted with their neighbours held, parts without a free direction.
-        interrupted: Ctrl-C came before all trials were done.
-    """
-
-    name: str
-    engine: str
-    dimension: int
-    states: tuple[StateResult, ...] = ()
-    tilt: tuple[TiltReport, ...] = ()
-    cones: tuple[ConeSummary, ...] = ()
-    insertion: tuple[InsertionTrial, ...] = ()
-    robust: RobustReport | None = None
-    seconds: Mapping[str, float] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    interrupted: bool = False
-
-    @property
-    def disagreements(self) -> tuple[str, ...]:
-        """Return where physics and statics differ, in words; empty when they agree on everything."""
-        out = [
-            f"state after '{s.placed}': MuJoCo {s.verdict}, statics {s.statics}" for s in self.states if not s.agrees
-        ]
-        limit = np.deg2rad(0.5 if self.dimension == 2 else 1.5)
-        for t in self.tilt:
-            if abs(t.difference_rad) > limit or t.failed:
-                found, expected = np.rad2deg(t.critical_rad), np.rad2deg(t.statics_rad)
-                where = f"tilt towards {np.rad2deg(t.azimuth_rad):.0f}° with friction {t.friction:g}"
-                # Statics accepts any forces within the friction cones; physics only those that sliding builds up.
-                bound = " (with friction an upper bound)" if t.friction > 0 and t.difference_rad < 0 else ""
-                failed = f", {len(t.failed)} runs gave no verdict" if t.failed else ""
-                out.append(f"{where}: MuJoCo {found:.2f}°, statics {expected:.2f}°{bound}{failed}")
-        return tuple(out)
-
-    @property
-    def needs_support(self) -> tuple[str, ...]:
-        """Return the parts after whose placing the assembly does not stand by itself."""
-        return tuple(s.placed for s in self.states if not s.stands)
 
 
 def simulate(

@@ -14,7 +14,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.files.output import write_json
 from mocca_robot.statics import Status
 from sim.insertion import InsertionTrial
-from sim.simulate import ConeSummary, Simulation
+from sim.simulation import ConeSummary, Simulation
 from sim.states import StateResult
 from sim.tilt import TiltReport
 

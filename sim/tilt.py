@@ -46,6 +46,14 @@ class TiltReport:
         """Return physics minus statics."""
         return self.critical_rad - self.statics_rad
 
+    @property
+    def only_bounded(self) -> bool:
+        """Return whether statics only bounds this tilt from above.
+
+        Statics accepts any forces within the friction cones; physics only those that sliding builds up.
+        """
+        return self.friction > 0.0 and self.difference_rad < 0.0
+
 
 def azimuths(assembly: Assembly, count: int) -> Array:
     """Return `count` azimuths in radians; flat assemblies know right and left only.

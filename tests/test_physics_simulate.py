@@ -10,9 +10,12 @@ import pytest
 from physics_models import WIDTH, jointed, stack
 
 from mocca_robot.errors import InputError
+from sim.questions import Questions
 from sim.robust import RobustOptions, wilson
-from sim.simulate import Questions, simulate
+from sim.simulate import simulate
+from sim.simulation import Simulation
 from sim.simulation_json import read_simulation, simulation_to_data, write_simulation
+from sim.tilt import TiltReport
 from sim.trial_store import Trial, TrialStore, content_hash, run_trials
 
 ASK = Questions(directions=3, clearances=(0.0, 3e-4), threads=2)
@@ -156,3 +159,16 @@ def test_robustness_is_the_same_for_the_same_seed():
     assert first.trials == 4 and first.low <= first.rate <= first.high
     with pytest.raises(InputError, match="0 robustness trials"):
         RobustOptions(trials=0)
+
+
+def test_falling_earlier_with_friction_is_bounded_and_holding_longer_a_disagreement() -> None:
+    def with_tilt(found: float, expected: float, friction: float, failed: tuple[float, ...] = ()) -> Simulation:
+        tilt = TiltReport(0.0, float(np.deg2rad(found)), float(np.deg2rad(expected)), friction, (), failed)
+        return Simulation("tower", "mujoco", 2, tilt=(tilt,))
+
+    earlier, longer = with_tilt(20.0, 25.0, 0.3), with_tilt(25.0, 20.0, 0.3)
+    assert earlier.disagreements == () and len(earlier.bounded) == 1
+    assert len(longer.disagreements) == 1 and longer.bounded == ()
+    assert len(with_tilt(20.0, 25.0, 0.0).disagreements) == 1
+    failed = with_tilt(20.0, 25.0, 0.3, (0.3,))
+    assert "no verdict" in failed.disagreements[0] and failed.bounded == ()

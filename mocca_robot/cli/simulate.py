@@ -12,7 +12,7 @@ from mocca_robot.cli.console import Console
 from mocca_robot.errors import InputError
 
 if TYPE_CHECKING:
-    from sim.simulate import Questions
+    from sim.questions import Questions
 
 DESCRIPTION = """Ask MuJoCo about a design (or about parts as they are): does every state of the sequence stand, at
 which tilt does it fall, does every part go in along all directions of its cone. Results go to simulation.json and
@@ -47,7 +47,7 @@ def add_questions(parser: argparse.ArgumentParser) -> None:
 
 def questions(args: argparse.Namespace, config: Any) -> Questions:
     """Return what is asked of physics: arguments before configuration before defaults."""
-    from sim.simulate import Questions
+    from sim.questions import Questions
 
     asked = {"states": args.states, "tilt": args.tilt, "insertion": args.insert, "robust": args.robust}
     stages = tuple(name for name, wanted in asked.items() if wanted)

@@ -27,7 +27,7 @@ from mocca_robot.verify import CaseVerdict, Verification, solve_case, verify
 
 if TYPE_CHECKING:
     from planners.designer import Designed
-    from sim.simulate import Questions
+    from sim.questions import Questions
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,10 +71,6 @@ def entries(data: ReportData, key: str) -> list[Mapping[str, Any]]:
     return [e for e in found if isinstance(e, Mapping)]
 
 
-BOUND = "with friction an upper bound"
-"""How the simulation marks a tilt that statics only bounds."""
-
-
 def disagreements(data: ReportData) -> tuple[str, ...]:
     """Return every contradiction between statics, physics and the design's own claims, one sentence each."""
     found: list[str] = []
@@ -160,7 +156,6 @@ def _told(data: ReportData, found: list[str]) -> list[str]:
     states_known = any(f.startswith("After placing") for f in found)
     tilts_known = any(f.startswith("Critical tilt") for f in found)
     known = (("state after", states_known), ("tilt towards", tilts_known))
-    told = [d for d in told if BOUND not in d]
     return [f"MuJoCo run: {d}" for d in told if not any(d.startswith(head) and have for head, have in known)]
 
 

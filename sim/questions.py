@@ -1,0 +1,59 @@
+"""What to ask physics about an assembly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mocca_robot.errors import InputError, nearest
+from sim.hand import HandOptions, PlacingError
+from sim.robust import RobustOptions
+
+STAGES = ("states", "tilt", "insertion", "robust")
+
+
+@dataclass(frozen=True)
+class Questions:
+    """What to ask physics.
+
+    Attributes:
+        stages: any of 'states', 'tilt', 'insertion', 'robust'.
+        friction: Coulomb coefficient in states, insertions and robustness trials.
+        tilt_frictions: one tilt table each; `friction` is added when missing.
+        azimuths: of the tilt table in 3D (2D: right and left).
+        directions: ways in that cover each part's cone.
+        clearances: metres; every one is tried along the axis and the rim.
+        errors: of the placing hand; each is tried along the axis without clearance, the hardest case.
+        hand: its stiffness and what counts as a jam.
+        robust: distributions of the robustness trials.
+        seed: of everything drawn at random.
+        threads: None = one per core.
+    """
+
+    stages: tuple[str, ...] = ("states", "tilt", "insertion")
+    friction: float = 0.0
+    tilt_frictions: tuple[float, ...] = (0.0, 0.3)
+    azimuths: int = 8
+    directions: int = 12
+    clearances: tuple[float, ...] = (0.0, 3e-4)
+    errors: tuple[PlacingError, ...] = (
+        PlacingError((5e-4,)),
+        PlacingError((-5e-4,)),
+        PlacingError((), float(np.deg2rad(1.0))),
+        PlacingError((), -float(np.deg2rad(1.0))),
+    )
+    hand: HandOptions = field(default_factory=HandOptions)
+    robust: RobustOptions = field(default_factory=RobustOptions)
+    seed: int = 0
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        for stage in self.stages:
+            if stage not in STAGES:
+                raise InputError(f"No stage is called '{stage}'; {nearest(stage, STAGES)}")
+        if self.azimuths < 1 or self.directions < 1:
+            raise InputError(f"azimuths = {self.azimuths} and directions = {self.directions} must both be at least 1.")
+        for value in (self.friction, *self.tilt_frictions, *self.clearances):
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(f"Friction and clearance must be finite and not negative; {value} is not.")
