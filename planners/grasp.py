@@ -20,7 +20,9 @@ from planners.site import Site
 
 LEANS_RAD = tuple(np.deg2rad([0.0, 20.0, -20.0, 40.0, -40.0, 60.0, -60.0]))
 """How far the tool leans from pointing straight down, in the order tried."""
-ANTIPODAL = float(np.cos(np.deg2rad(12.0)))
+SAMPLES = 800
+"""Points tried on the surface of a solid part."""
+ANTIPODAL = float(np.cos(np.deg2rad(20.0)))
 """Faces whose normals differ by less from opposite can be held: well inside the friction of rubber pads."""
 
 
@@ -132,7 +134,7 @@ def _across_solid(
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     found: list[GraspPose] = []
     rejected: dict[str, int] = {}
-    for face in rng.choice(len(area), size=240, p=area / area.sum()):
+    for face in rng.choice(len(area), size=SAMPLES, p=area / area.sum()):
         weights = rng.dirichlet(np.ones(3))
         start, inward = weights @ corners[face], -normal[face]
         hit = _far_side(corners, start, inward)

@@ -9,10 +9,16 @@ import shapely
 
 from mocca_robot.assembly import Array, Assembly, Mesh, Polygon, read_only
 from mocca_robot.contacts import to_shapely
+from mocca_robot.penetration import solid
 from planners.cell import RobotCell
 
 SWELL = 5e-4
 """Metres: flat outlines grow by this before they are simplified, so that few pieces cover the whole part."""
+
+NEARLY_CONVEX = 0.97
+"""A solid that fills this share of its convex hull is avoided as its hull."""
+CELLS = 4
+"""Cells per side of the grid that divides other solids."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,13 +103,35 @@ def _scaled(shape: Polygon | Mesh, scale: float, thickness_m: float | None) -> P
 
 
 def _outlines(shape: Polygon | Mesh) -> list[Array]:
-    """Return corners (V, d) of convex pieces that cover `shape`; a solid is covered by its convex hull."""
+    """Return corners (V, d) of convex pieces that cover `shape`."""
     if isinstance(shape, Mesh):
-        from scipy.spatial import ConvexHull
-
-        return [shape.vertices[ConvexHull(shape.vertices).vertices]]
+        return _hulls(shape)
     swollen = to_shapely(shape).buffer(SWELL, join_style="mitre").simplify(0.8 * SWELL)
     return [np.asarray(p.exterior.coords)[:-1] for p in convex_pieces(swollen)]
+
+
+def _hulls(mesh: Mesh) -> list[Array]:
+    """Return corners of convex pieces that cover a solid: its hull, or, where that is far too large, the hulls of
+    what lies in each cell of a grid.
+    """
+    import manifold3d
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(mesh.vertices)
+    whole = [np.asarray(mesh.vertices[hull.vertices])]
+    if mesh.volume > NEARLY_CONVEX * hull.volume:
+        return whole
+    body = solid(mesh)
+    low, high = mesh.bounds
+    step = (high - low) / CELLS
+    pieces = []
+    for corner in np.ndindex(CELLS, CELLS, CELLS):
+        cell = manifold3d.Manifold.cube(step.tolist()).translate((low + np.array(corner) * step).tolist())
+        common = (body ^ cell).hull()
+        points = np.asarray(common.to_mesh64().vert_properties)[:, :3]
+        if common.volume() > 1e-9 * hull.volume and len(points) >= 4:
+            pieces.append(points)
+    return pieces or whole
 
 
 def convex_pieces(outline: shapely.Polygon) -> list[shapely.Polygon]:
