@@ -12,8 +12,8 @@ import numpy as np
 
 from mocca_robot.assembly import Array
 
-EDGE_STEP_RAD = 0.02
-"""Largest turn of a joint between two checks of an edge."""
+EDGE_STEP_RAD = 0.007
+"""Largest turn of a joint between two checks of an edge: 7 mm for a part one metre from the axis."""
 GROW_RAD = 0.35
 MARGIN_RAD = 1.3
 """How far beyond the two ends, joint by joint, the trees may grow."""
