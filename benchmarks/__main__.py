@@ -14,10 +14,12 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 def main(arguments: list[str] | None = None) -> int:
     """Run one benchmark and print a row per measurement; return the exit status."""
     from benchmarks import design_baseline, statics
+    from benchmarks.agreement import agreement
     from benchmarks.contacts import contacts
     from benchmarks.figure import time_figure
 
     benches = {
+        "agreement": agreement,
         "statics": statics.statics,
         "tilt_sweep": statics.tilt_sweep,
         "friction": statics.friction,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from random_assemblies import KINDS, random_assembly
 
+from benchmarks.random_assemblies import KINDS, random_assembly
 from mocca_robot.assembly import Assembly, Interlocking, Lateral, Part, Polygon
 from mocca_robot.contacts import find_contacts
 from mocca_robot.errors import InputError
@@ -190,3 +190,27 @@ def test_piecewise_planar_joints_hold_too_and_have_flat_flanks(seed: int) -> Non
     assert curved and all(j.kind.startswith("piecewise_") and len(j.facets) <= 5 for j in curved)
     check = verify(outcome.design.assembly)
     assert check.stands and check.part_overlap <= 1e-9
+
+
+def test_a_direction_that_the_user_gives_is_kept() -> None:
+    """The corner stone may leave up or to the right; it is asked to leave straight up, and does."""
+    parts = (
+        rectangle("ground", 0.0, -0.05, 0.2, 0.05, True),
+        rectangle("wall", 0.0, 0.0, 0.05, 0.1, True),
+        rectangle("stone", 0.05, 0.0, 0.08, 0.05),
+    )
+    asked = np.array([-0.35, -1.0]) / np.hypot(0.35, 1.0)
+    outcome = design(Assembly("corner", parts, goals=(Lateral(float(np.deg2rad(10.0))),)), insertion={"stone": asked})
+    (insertion,) = outcome.design.insertion
+    assert insertion.direction == pytest.approx(asked)
+    assert outcome.achieved and insertion.alpha_rad >= np.deg2rad(5.0)
+    blocked = design(Assembly("corner", parts), insertion={"stone": np.array([0.0, -1.0])})
+    assert [n.part for n in blocked.narrow] == ["stone"], "straight down slides along the wall: no cone at all"
+
+
+@pytest.mark.parametrize("beyond_mm", [4.0, 8.0])
+def test_a_block_whose_centroid_is_past_the_edge_is_held_by_moving_it(beyond_mm: float) -> None:
+    """Fig. 17e: only a joint that takes mass from the far side can hold it; centroids move with the joints."""
+    width = 2e-3 * (60.0 + beyond_mm)
+    parts = (rectangle("base", 0.0, -0.05, 0.06, 0.05, True), rectangle("top", 0.0, 0.0, width, 0.04))
+    assert design(Assembly("overhang", parts)).achieved

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_assemblies import random_assembly
 
+from benchmarks.random_assemblies import random_assembly
 from mocca_robot.assembly import Assembly, Mesh, Part, Polygon
 from mocca_robot.contacts import find_contacts
 from mocca_robot.errors import InputError

@@ -1,23 +1,84 @@
-"""Seeded random flat assemblies of the kinds people build: stacks, leaning walls, arches, Voronoi cuts."""
+"""Seeded random assemblies of the kinds people build: stacks, leaning walls, arches, Voronoi cuts, notched stacks,
+and solids: stacks on slanted planes, and the flat ones as plates."""
 
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array, Assembly, Equilibrium, Goal, Part, Polygon, SupportFree
+from mocca_robot.assembly import Array, Assembly, Equilibrium, Goal, Mesh, Part, Polygon, SupportFree
+from mocca_robot.generators.blocks import hexahedron
+from sim.surface import surface
 
 KINDS = ("stack", "wall", "arch", "voronoi")
+SOLID_KINDS = ("blocks", *(f"solid_{kind}" for kind in (*KINDS, "notched")))
 
 
 def random_assembly(kind: str, seed: int, support_free: bool = False) -> Assembly:
     """Return a flat assembly of `kind`, different for every seed, about 0.3 m across, α = 5°."""
     rng = np.random.default_rng(seed)
-    parts = {"stack": _stack, "wall": _wall, "arch": _arch, "voronoi": _voronoi}[kind](rng)
+    parts = {"stack": _stack, "wall": _wall, "arch": _arch, "voronoi": _voronoi, "notched": _notched}[kind](rng)
     goals: tuple[Goal, ...] = (SupportFree() if support_free else Equilibrium(),)
     return Assembly(f"{kind}_{seed}", tuple(parts), goals=goals)
+
+
+def random_solid(kind: str, seed: int) -> Assembly:
+    """Return a solid assembly of one of `SOLID_KINDS`, different for every seed, turned about the vertical."""
+    rng = np.random.default_rng(seed)
+    if kind == "blocks":
+        parts = _blocks(rng)
+    else:
+        flat = random_assembly(kind.removeprefix("solid_"), seed)
+        plates = (replace(p.shape, thickness=0.06) for p in flat.parts if isinstance(p.shape, Polygon))
+        parts = [Part(p.name, surface(replace(p, shape=s)), fixed=p.fixed) for p, s in zip(flat.parts, plates)]
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    turned = [replace(p, shape=Mesh(p.shape.vertices @ turn.T, p.shape.faces)) for p in parts if _is_mesh(p)]
+    return Assembly(f"{kind}_{seed}", tuple(turned))
+
+
+def _is_mesh(part: Part) -> bool:
+    return isinstance(part.shape, Mesh)
+
+
+def _blocks(rng: np.random.Generator) -> list[Part]:
+    """Blocks between planes slanted both ways, each a little off the one below."""
+    count = int(rng.integers(2, 6))
+    slopes = rng.uniform(-0.25, 0.25, size=(count + 1, 2))
+    offset = np.zeros(2)
+    parts = []
+    for k in range(-1, count):
+        top = np.array([*slopes[k + 1], 0.05 * (k + 1)])
+        bottom = np.array([*slopes[k], 0.05 * k]) if k >= 0 else np.array([0.0, 0.0, -0.08])
+        if k >= 0:
+            offset = offset + rng.uniform(-0.012, 0.012, size=2)
+        plan = np.array([[x, y] for y in (-0.04, 0.04) for x in (-0.04, 0.04)]) + offset
+        corners = [[x, y, a * x + b * y + c] for a, b, c in (bottom, top) for x, y in plan]
+        parts.append(Part(f"b{k}" if k >= 0 else "base", hexahedron(np.array(corners)), fixed=k < 0))
+    return parts
+
+
+def _notched(rng: np.random.Generator) -> list[Part]:
+    """Blocks with a tongue on top that sits in a groove of the next, the whole stack leaning."""
+    count, width, height = int(rng.integers(2, 6)), 0.06, 0.04
+    lean = rng.uniform(-0.25, 0.25)
+    c, s = np.cos(lean), np.sin(lean)
+    tongues = [(rng.uniform(0.015, 0.03), rng.uniform(0.004, 0.012)) for _ in range(count + 1)]
+
+    def edge(k: int) -> list[list[float]]:
+        (start, rise), y = tongues[k], k * height
+        return [[0.0, y], [start, y], [start, y + rise], [start + 0.015, y + rise], [start + 0.015, y], [width, y]]
+
+    turn = np.array([[c, s], [-s, c]])
+    parts = [Part("base", Polygon(np.array([[0.0, -0.05], [width, -0.05], *reversed(edge(0))]) @ turn.T), fixed=True)]
+    for k in range(count):
+        ring = np.array([*edge(k), *reversed(edge(k + 1))])
+        parts.append(Part(f"n{k}", Polygon(ring @ turn.T)))
+    return parts
 
 
 def _stack(rng: np.random.Generator) -> list[Part]:
