@@ -70,14 +70,15 @@ def other_normals(problem: Problem) -> list[Array]:
 def assemblable(problem: Problem, axis: Array, normals: Array, outer: list[Array]) -> BoolArray:
     """Return (E,) whether each joint's normals (E, R, d), beside planar other joints, leave a cone of α.
 
-    In 2D exactly, for the best axis; in 3D for the axis (N, d) given.
+    About the axis (N, d) given; for parts whose way out may turn, about the best one.
     """
     if problem.alpha_rad is None:
         return np.ones(len(normals), dtype=np.bool_)
     wanted = problem.alpha_rad + problem.shapes.options.alpha_margin_rad
-    if normals.shape[2] == 3:
-        least = np.einsum("erd,ed->er", normals, axis[problem.pairs[:, 1]]).min(axis=1)
-        return np.asarray(least >= np.sin(wanted))
+    turning = problem.turning[problem.pairs[:, 1]]
+    about = np.einsum("erd,ed->er", normals, axis[problem.pairs[:, 1]]).min(axis=1) >= np.sin(wanted)
+    if not turning.any():
+        return np.asarray(about)
     a = axis[problem.pairs[:, 1]]
     angle = _angle_about(normals, a[:, None])
     low, high = angle.min(axis=1), angle.max(axis=1)
@@ -85,7 +86,7 @@ def assemblable(problem: Problem, axis: Array, normals: Array, outer: list[Array
         if len(others):
             planar = _angle_about(others, a[e])
             low[e], high[e] = min(low[e], planar.min()), max(high[e], planar.max())
-    return np.asarray(high - low <= np.pi - 2.0 * wanted)
+    return np.asarray(np.where(turning, high - low <= np.pi - 2.0 * wanted, about), dtype=np.bool_)
 
 
 def _angle_about(vectors: Array, axis: Array) -> Array:
@@ -182,7 +183,7 @@ def _assembled(
     for e in np.flatnonzero(chosen >= 0):
         lean[shapes.pair[e]] = catalogue[chosen[e]].lean[shapes.pair[e]]
     if problem.alpha_rad is not None:
-        for part in np.unique(pairs[:, 1]):
+        for part in np.unique(pairs[problem.turning[pairs[:, 1]], 1]):
             mine = np.flatnonzero(pairs[:, 1] == part)
             rows = [catalogue[chosen[e]].normals[e] if chosen[e] >= 0 else shapes.normals[e][None] for e in mine]
             axis[part] = largest_cone(np.concatenate(rows))[1]

@@ -46,6 +46,7 @@ class Problem:
         required: number of required cases.
         pairs: (E, 2) parts of each joint.
         alpha_rad: assemblability, None when not asked for.
+        turning: (N,) parts whose way out may turn with the joints; the others keep theirs.
     """
 
     shapes: Shapes
@@ -53,6 +54,7 @@ class Problem:
     required: int
     pairs: IntArray
     alpha_rad: float | None
+    turning: BoolArray
 
 
 ENERGY_WEIGHT = 10.0
@@ -62,6 +64,8 @@ MARGIN_SOLVED = 1e-9
 """E/|w|² of a margin case that counts as zero."""
 VIOLATED = 1e-6
 """Hinge of a constraint, dimensionless, that counts as none."""
+ROOM_RESERVE = 1e-3
+"""Distance, in contact sizes, that descent keeps from the limits of a joint's room."""
 PATIENCE = 6
 """Steps in which the objective has to fall by three tenths; slower than that it is on its way to a local rest."""
 LONGEST_STEP = 0.2
@@ -114,18 +118,20 @@ def violation_of(problem: Problem, parameters: Parameters) -> float:
     return float(hinges.max(initial=0.0))
 
 
-def hinge_values(problem: Problem, parameters: Parameters, surface: Array, alpha_margin: float) -> Array:
+def hinge_values(problem: Problem, parameters: Parameters, surface: Array, margin_rad: float) -> Array:
     """Return constraint values (E, H), violated where positive: slope, room and radius, then assemblability.
 
-    n̂·n_contact ≥ cos(max slope); n̂·a_j ≥ sin(α + margin), in the last columns, one per ray.
+    n̂·n_contact ≥ cos(max slope − margin); n̂·a_j ≥ sin(α + margin), in the last columns, one per ray. With a margin
+    some room is kept, too: squared hinges end a little beyond the limits they are given.
     """
     shapes = problem.shapes
     _, normals = shapes.rays(surface)
-    slope = np.cos(shapes.options.max_slope_rad) - np.einsum("erd,ed->er", normals, shapes.normals)
-    room = shapes.violations(surface, _drawn(shapes, parameters))
+    steepest = np.cos(shapes.options.max_slope_rad - margin_rad)
+    slope = steepest - np.einsum("erd,ed->er", normals, shapes.normals)
+    room = shapes.violations(surface, _drawn(shapes, parameters)) + (ROOM_RESERVE if margin_rad > 0.0 else 0.0)
     if problem.alpha_rad is None:
         return np.concatenate([slope, room], axis=1)
-    wanted = np.sin(min(problem.alpha_rad + alpha_margin, np.pi / 2))
+    wanted = np.sin(min(problem.alpha_rad + margin_rad, np.pi / 2))
     short = wanted - np.einsum("erd,ed->er", normals, parameters.axis[problem.pairs[:, 1]])
     return np.concatenate([slope, room, short], axis=1)
 
@@ -148,9 +154,8 @@ class Layout:
         joints = np.flatnonzero(parameters.curved)
         pairs = np.unique(problem.shapes.pair[joints])
         axis = parameters.axis
-        # In 3D a way out is a sweep-confirmed find among parts further away: joints are made for it, it stays.
-        turns = problem.alpha_rad is not None and axis.shape[1] == 2
-        parts = np.unique(problem.pairs[:, 1]) if turns else np.zeros(0, dtype=np.int64)
+        parts = np.unique(problem.pairs[:, 1])
+        parts = parts[problem.turning[parts]]
         if axis.shape[1] == 2:
             tangents = np.stack([-axis[:, 1], axis[:, 0]], axis=1)[:, None]
         else:

@@ -94,26 +94,29 @@ def design(
     options = options or JointOptions()
     report = contacts or find_contacts(assembly)
     require_sound(assembly, report)
-    if not report.contacts:
-        raise InputError(f"'{assembly.name}' has no contacts between its parts; there is nothing to design.")
-    fixed = assembly.fixed
     # Between two fixed parts nothing is carried and nothing is inserted.
-    found = tuple(c for c in report.contacts if not fixed[list(c.parts)].all())
+    found = tuple(c for c in report.contacts if not assembly.fixed[list(c.parts)].all())
+    if not found:
+        raise InputError(f"'{assembly.name}' has no part that moves and touches another; there is nothing to design.")
     required = load_cases(assembly)
     margins = margin_cases(assembly, required, options.tilt_margin_rad)
     loads = Loads.of(assembly, found, (*required, *margins))
     pairs = np.array([c.parts for c in found])
     motions = part_motions(assembly, [planar(c) for c in found])
+    given = np.zeros(len(assembly.parts), dtype=np.bool_)
+    given[[assembly.index(name) for name in insertion or {}]] = True
     axis = _start_axes(assembly, found, motions, insertion or {})
     shapes: Shapes
     if assembly.dimension == 2:
         shapes = Shapes2D.of(assembly, found, options)
     else:
         shapes = Shapes3D.of(assembly, found, options, axis)
-    problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad)
+    # In 3D a way out is a sweep-confirmed find among parts further away: joints are made for it, it stays.
+    turning = ~given & (assembly.dimension == 2 and assembly.alpha_rad is not None)
+    problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad, turning)
     start = _planar_start(shapes, axis)
     before = evaluate(problem, start)
-    narrow = _narrow_parts(assembly, motions)
+    narrow = _narrow_parts(assembly, motions, axis, given)
 
     impossible = None
     polished = Polished(start, before.infeasibility, 0.0, 0)
@@ -124,9 +127,9 @@ def design(
         kinematic = time.perf_counter() - started
         if impossible is None:
             shapes, polished = _search(problem, start, progress)
-            problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad)
+            problem = replace(problem, shapes=shapes)
         realization = time.perf_counter() - started - kinematic
-    result = _built(assembly, problem, polished.parameters, required, before.infeasibility, polished)
+    result = _built(assembly, problem, given, required, before.infeasibility, polished)
     held = bool(polished.infeasibility[: len(required)].max(initial=0.0) <= 1e-12)
     seconds = {"kinematic": kinematic, "realization": realization, "total": time.perf_counter() - started}
     notes = _notes(assembly, shapes, report)
@@ -185,7 +188,7 @@ def _search(problem: Problem, start: Parameters, progress: Progress | None) -> t
     """Return the first attempt that solves everything, or the one that came nearest."""
     best: tuple[tuple[float, float], Shapes, Polished] | None = None
     for label, shapes, first in _attempts(problem, start):
-        attempt = Problem(shapes, problem.loads, problem.required, problem.pairs, problem.alpha_rad)
+        attempt = replace(problem, shapes=shapes)
         step = None if progress is None else (lambda _, worst, what=label: progress(what, worst))
         polished = polish(attempt, first, progress=step)
         hard = max(float(polished.infeasibility[: problem.required].max()) / SOLVED, polished.violation / VIOLATED, 1.0)
@@ -255,11 +258,12 @@ def _telling_cases(problem: Problem) -> list[int]:
 def _built(
     assembly: Assembly,
     problem: Problem,
-    parameters: Parameters,
+    given: BoolArray,
     required: Sequence[LoadCase],
     before: Array,
     polished: Polished,
 ) -> tuple[Assembly, tuple[Joint, ...], tuple[Insertion, ...], tuple[CaseResult, ...]]:
+    parameters = polished.parameters
     u = problem.shapes.directions(parameters.lean)
     joints = tuple(
         problem.shapes.joint(e, parameters.shape[e], u[e]) if curved else planar(contact)
@@ -270,7 +274,7 @@ def _built(
     insertion = tuple(
         Insertion(assembly.parts[p].name, read_only(-way), _room(m, way))
         for p, m in motions.items()
-        for way in [_confirmed_way(built, p, m, parameters.axis[p])]
+        for way in [parameters.axis[p] if given[p] else _confirmed_way(built, p, m, parameters.axis[p])]
     )
     cases = tuple(
         CaseResult(case.name, float(b), float(a)) for case, b, a in zip(required, before, polished.infeasibility)
@@ -295,19 +299,19 @@ def _confirmed_way(built: Assembly, part: int, motion: PartMotion, designed: Arr
     return motion.axis if clear or _room(motion, designed) < alpha - 1e-9 else designed
 
 
-def _narrow_parts(assembly: Assembly, motions: dict[int, PartMotion]) -> tuple[NarrowPart, ...]:
+def _narrow_parts(
+    assembly: Assembly, motions: dict[int, PartMotion], axis: Array, given: BoolArray
+) -> tuple[NarrowPart, ...]:
+    """Return parts whose planar contacts leave less than α, about the user's direction where there is one."""
     if assembly.alpha_rad is None:
         return ()
-    return tuple(
-        NarrowPart(
-            assembly.parts[p].name,
-            m.alpha_rad,
-            assembly.alpha_rad,
-            tuple(assembly.parts[b].name for b in m.blockers),
-        )
-        for p, m in motions.items()
-        if m.alpha_rad < assembly.alpha_rad - 1e-9
-    )
+    narrow = []
+    for p, motion in motions.items():
+        room = _room(motion, axis[p]) if given[p] else motion.alpha_rad
+        if room < assembly.alpha_rad - 1e-9:
+            blockers = tuple(assembly.parts[b].name for b in motion.blockers)
+            narrow.append(NarrowPart(assembly.parts[p].name, room, assembly.alpha_rad, blockers))
+    return tuple(narrow)
 
 
 def _notes(assembly: Assembly, shapes: Shapes, report: ContactReport) -> tuple[str, ...]:

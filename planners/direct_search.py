@@ -139,7 +139,9 @@ def planar_problem(
         else Shapes3D.of(assembly, found, options, axis)
     )
     loads = Loads.of(assembly, found, required)
-    problem = Problem(shapes, loads, len(required), np.array([c.parts for c in found]), assembly.alpha_rad)
+    turning = np.full(len(assembly.parts), assembly.dimension == 2 and assembly.alpha_rad is not None)
+    pairs = np.array([c.parts for c in found])
+    problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad, turning)
     lean = np.zeros((len(shapes.pair_normal), shapes.n_lean))
     return problem, Parameters(np.tile(shapes.rest, (len(found), 1)), lean, axis, shapes.can_curve)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,7 +51,8 @@ def problem_of(assembly: Assembly, alpha: bool = True) -> tuple[Problem, Paramet
     shape[:, 2] = 0.08 * rng.standard_normal(len(contacts))
     lean = 0.1 * rng.standard_normal((len(shapes.pair_normal), 1))
     curved = np.ones(len(contacts), dtype=np.bool_)
-    problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad if alpha else None)
+    turning = np.full(len(assembly.parts), alpha)
+    problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad if alpha else None, turning)
     return problem, Parameters(shape, lean, axis, curved)
 
 
@@ -58,7 +61,7 @@ def test_gradient_agrees_with_central_differences(kind: str) -> None:
     problem, start = problem_of(tilted_wall(0.35))
     if kind == "z":
         shapes = problem.shapes.with_kinds(["z"] * len(problem.pairs))
-        problem = Problem(shapes, problem.loads, problem.required, problem.pairs, problem.alpha_rad)
+        problem = replace(problem, shapes=shapes)
         start.shape[:, 3] = -start.shape[:, 2]
     layout = Layout.of(problem, start)
     here = linearised(problem, layout, start)

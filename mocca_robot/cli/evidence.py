@@ -107,8 +107,8 @@ def design_findings(assembly: Assembly, designed: Designed) -> list[Finding]:
         text = (
             f"No joint within the bounds holds this load case ({case_words(case)}): even if every point of every "
             f"contact could push in every allowed direction, {quoted(moving)} would move, E/|w|² = "
-            f"{proof.infeasibility:.2g}. Steeper joints (joints.max_slope_deg), a smaller alpha_deg, another sequence "
-            "or another cut may help."
+            f"{proof.infeasibility:.2g}. Steeper or higher joints (joints.max_slope_deg, joints.max_height) or another "
+            "cut may help; α plays no part in it."
         )
         found.append(Finding("impossible", text, moving, case))
     for part in designed.narrow:
