@@ -66,7 +66,7 @@ class Shapes3D:
     options: JointOptions
 
     n_lean: ClassVar[int] = 2
-    steepest_lean: ClassVar[float] = 0.3
+    steepest_lean: ClassVar[float] = 0.45
     rest_kind: ClassVar[str] = "n"
     heights: ClassVar[tuple[int, ...]] = (0,)
 

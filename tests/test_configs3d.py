@@ -26,7 +26,7 @@ OVERLAP = 1e-6
         pytest.param("lilium_tower", marks=pytest.mark.long),
     ],
 )
-def test_what_is_written_stands_and_goes_together(name, tmp_path):
+def test_what_is_written_stands_and_goes_together(name: str, tmp_path: Path) -> None:
     config = load(CONFIGS / f"{name}.yaml")
     found = design(config.assembly, config.joints, insertion=dict(config.insertion))
     assert found.achieved
@@ -39,11 +39,12 @@ def test_what_is_written_stands_and_goes_together(name, tmp_path):
     assert judged.assemblable
     assert judged.part_overlap < OVERLAP
     alpha = config.assembly.alpha_rad
+    assert alpha is not None
     assert min(i.alpha_rad for i in judged.insertions) >= alpha - 1e-6
 
 
 @pytest.mark.long
-def test_a_small_subset_of_the_towers_contacts_changes():
+def test_a_small_subset_of_the_towers_contacts_changes() -> None:
     config = load(CONFIGS / "lilium_tower.yaml")
     joints = design(config.assembly, config.joints).design.joints
     assert 0 < sum(not joint.is_planar for joint in joints) < len(joints) / 2
