@@ -12,7 +12,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 WORKERS ?= 2
-BENCHES ?= contacts statics friction tilt_sweep baseline configs
+BENCHES ?= agreement contacts statics friction tilt_sweep baseline configs
 
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1

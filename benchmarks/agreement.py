@@ -1,4 +1,8 @@
-"""Statics against MuJoCo on seeded random assemblies: the same verdict wherever the critical tilt is not close."""
+"""Statics against MuJoCo on seeded random assemblies: the same verdict wherever the critical tilt is not close.
+
+Known to disagree: frictionless stacks with tongues. Statics holds them at any forces; between their short walls these
+grow to many times the weight, and MuJoCo's contacts, which give a little, let parts move farther than counts as rest.
+"""
 
 from __future__ import annotations
 
