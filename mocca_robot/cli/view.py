@@ -1,0 +1,52 @@
+"""`mocca-robot view`: a design or an assembly in the browser."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any
+
+from mocca_robot.cli import arguments
+from mocca_robot.cli.console import Console
+
+DESCRIPTION = """Shows parts in the browser: the sequence, an exploded view, insertion cones, contact forces, and what
+happens when the finished assembly is let go. Needs viser: pip install mocca-robot[viewer]. Ctrl-C ends it."""
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "view", help="look at a design or an assembly in the browser", description=DESCRIPTION
+    )
+    arguments.add_input(parser, "X")
+    parser.add_argument("--export", metavar="FILE", help="write a self-contained page that plays it, and end")
+    parser.add_argument("--port", type=int, default=8080, metavar="N", help="on this machine (default 8080)")
+    arguments.add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Return 0 after writing the page, or when Ctrl-C ends the viewer."""
+    from mocca_robot.contacts import find_contacts, require_sound
+    from sim.view import export_page, open_viewer, shown
+
+    console = Console(args.json)
+    with console.stage("read"):
+        config = arguments.load(args)
+        report = find_contacts(config.assembly)
+        require_sound(config.assembly, report)
+    with console.stage("view"):
+        what = shown(config.assembly, report.contacts, dict(config.insertion))
+        if args.export:
+            path = export_page(what, Path(args.export))
+            console.say(str(path))
+            return console.finish(0, {"file": str(path)})
+        server = open_viewer(what, args.port)
+    console.say(f"http://127.0.0.1:{server.get_port()} (Ctrl-C ends)")
+    try:
+        while True:
+            time.sleep(1.0)
+    except KeyboardInterrupt:
+        server.stop()
+    return console.finish(0, {})
