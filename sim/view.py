@@ -163,7 +163,7 @@ def _scene(what: Shown, port: int) -> tuple[Any, list[Any], dict[str, Any]]:
     middle = 0.5 * (bounds.min(axis=0) + bounds.max(axis=0))
     server.scene.set_up_direction("+z")
     server.initial_camera.look_at = middle
-    server.initial_camera.position = middle + size * np.array([0.4, -2.0, 0.5])
+    server.initial_camera.position = middle + size * np.array([0.25, -1.2, 0.3])
     handles = []
     for index, part in enumerate(what.assembly.parts):
         mesh = surface(part)

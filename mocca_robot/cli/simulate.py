@@ -12,6 +12,7 @@ from mocca_robot.cli.console import Console
 from mocca_robot.errors import InputError
 
 if TYPE_CHECKING:
+    from mocca_robot.assembly import Assembly
     from sim.questions import Questions
 
 DESCRIPTION = """Ask MuJoCo about a design (or about parts as they are): does every state of the sequence stand, at
@@ -28,6 +29,9 @@ def add(commands: Any) -> None:
     parser.add_argument("-o", "--output", metavar="DIR", help="folder for the results (default: beside the design)")
     arguments.add_json(parser)
     add_questions(parser)
+    parser.add_argument(
+        "--film", metavar="FILE", help="the ground tilts until it falls: an .mp4, or else a folder of PNG frames"
+    )
     parser.set_defaults(run=run)
 
 
@@ -90,8 +94,28 @@ def run(args: argparse.Namespace) -> int:
     else:
         outcome = stages.judged_as_is(config, contacts, console)
     outcome, interrupted = stages.simulated(outcome, asked, folder, console)
+    if args.film and not interrupted:
+        with console.stage("film"):
+            film = _film(outcome.design.assembly, asked.friction, Path(args.film))
+        outcome = replace(outcome, files={**outcome.files, "film": film})
     outcome = stages.reported(outcome, config, folder, console)
     return conclude(outcome, console, interrupted=interrupted)
+
+
+def _film(assembly: Assembly, friction: float, path: Path) -> Path:
+    """Return `path` after filming a platform that tilts 5° beyond the critical tilt by statics towards +x."""
+    from math import pi, radians
+
+    from mocca_robot.contacts import find_contacts
+    from mocca_robot.verify import critical_tilt
+    from sim.contact_model import contact_model
+    from sim.film import platform_motion, write_film
+    from sim.tilt import tilt_scene
+
+    contacts = find_contacts(assembly).contacts
+    compiled = tilt_scene(assembly, contact_model(assembly, contacts, friction), friction)
+    angle = min(pi / 2, critical_tilt(assembly, contacts, 0.0, friction) + radians(5.0))
+    return write_film(compiled.scene, platform_motion(compiled, 0.0, angle), path)
 
 
 def stored_design(path: Path) -> Path | None:
