@@ -164,11 +164,11 @@ def _opengl(options: FilmOptions) -> Iterator[None]:
     for kind in kinds:
         try:
             context = _context(kind, options)
+            context.make_current()  # without libOSMesa this is what fails
         except Exception as error:  # missing libraries show as ImportError, AttributeError, RuntimeError, …
             problems.append(f"{kind}: {error}")
             continue
         try:
-            context.make_current()
             yield
         finally:
             context.free()
