@@ -53,7 +53,7 @@ def test_a_small_subset_of_the_towers_contacts_changes() -> None:
 @pytest.mark.long
 def test_the_igloo_stands_tilted_to_eight_sides(tmp_path: Path) -> None:
     # Towards the door 35 degrees are not reached; see docs/limits.md.
-    goal = {"kind": "lateral", "angle_deg": 30, "azimuths": 8}
+    goal = {"kind": "lateral", "angle_deg": 34, "azimuths": 8}
     config = load(CONFIGS / "igloo.yaml", {"goal": goal})
     found = design(config.assembly, config.joints)
     assert found.achieved
