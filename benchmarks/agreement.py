@@ -1,7 +1,8 @@
 """Statics against MuJoCo on seeded random assemblies: the same verdict wherever the critical tilt is not close.
 
-Known to disagree: frictionless stacks with tongues. Statics holds them at any forces; between their short walls these
-grow to many times the weight, and MuJoCo's contacts, which give a little, let parts move farther than counts as rest.
+Known to disagree: frictionless stacks with tongues, where MuJoCo falls earlier. The cause is not established. Statics
+holds them with forces of many times the weight between their short walls; MuJoCo's contacts give a little under such
+forces, and parts may move farther than counts as rest.
 """
 
 from __future__ import annotations

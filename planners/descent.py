@@ -86,6 +86,13 @@ def evaluate(
     return energy(problem.loads, problem.pairs, points, normals, moved_wrenches(problem, surface), warm)
 
 
+def evaluate_built(problem: Problem, parameters: Parameters) -> EnergyResult:
+    """Return E of every case with every facet that will be built, not only those that designing looks at."""
+    surface = surface_of(problem, parameters)
+    points, normals = problem.shapes.all_rays(surface)
+    return energy(problem.loads, problem.pairs, points, normals, moved_wrenches(problem, surface))
+
+
 def surface_of(problem: Problem, parameters: Parameters) -> Array:
     """Return the joints' surfaces (E, V, d), flat where a joint may not curve."""
     return problem.shapes.surface(_drawn(problem.shapes, parameters), problem.shapes.directions(parameters.lean))
@@ -114,18 +121,22 @@ def narrowed(shapes: Shapes, surface: Array, inset: float) -> Array:
 
 def violation_of(problem: Problem, parameters: Parameters) -> float:
     """Return the worst violation of assemblability, slope, room and radius; ≤ `VIOLATED` counts as none."""
-    hinges = hinge_values(problem, parameters, surface_of(problem, parameters), 0.0)
+    surface = surface_of(problem, parameters)
+    hinges = hinge_values(problem, parameters, surface, 0.0, problem.shapes.all_rays(surface)[1])
     return float(hinges.max(initial=0.0))
 
 
-def hinge_values(problem: Problem, parameters: Parameters, surface: Array, margin_rad: float) -> Array:
+def hinge_values(
+    problem: Problem, parameters: Parameters, surface: Array, margin_rad: float, normals: Array | None = None
+) -> Array:
     """Return constraint values (E, H), violated where positive: slope, room and radius, then assemblability.
 
     n̂·n_contact ≥ cos(max slope − margin); n̂·a_j ≥ sin(α + margin), in the last columns, one per ray. With a margin
-    some room is kept, too: squared hinges end a little beyond the limits they are given.
+    some room is kept, too: squared hinges end a little beyond the limits they are given. `normals` (E, R, d) are
+    those of `shapes.rays` unless given.
     """
     shapes = problem.shapes
-    _, normals = shapes.rays(surface)
+    normals = shapes.rays(surface)[1] if normals is None else normals
     steepest = np.cos(shapes.options.max_slope_rad - margin_rad)
     slope = steepest - np.einsum("erd,ed->er", normals, shapes.normals)
     room = shapes.violations(surface, _drawn(shapes, parameters)) + (ROOM_RESERVE if margin_rad > 0.0 else 0.0)

@@ -12,7 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mocca_robot.assembly import Array
-from planners.descent import MARGIN_SOLVED, VIOLATED, Parameters, Problem, descend, evaluate, violation_of
+from planners.descent import (
+    MARGIN_SOLVED,
+    VIOLATED,
+    Parameters,
+    Problem,
+    descend,
+    evaluate,
+    evaluate_built,
+    violation_of,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +36,10 @@ class Polished:
 
 SOLVED = 1e-13
 """E/|w|² of a required case that counts as zero: |s|/|w| below half of the verdict's tolerance."""
+
+
+NEARLY_SOLVED = 1e-5
+"""E/|w|² below which the facets that designing left out are asked before a case counts as failed."""
 
 
 def polish(
@@ -50,6 +63,9 @@ def polish(
         true = evaluate(problem, parameters)
         solved = not failing.any() and true.infeasibility[: problem.required].max(initial=0.0) <= SOLVED
         if (solved and violation <= VIOLATED) or count >= evaluations or (count and not (failing & ~working).any()):
+            left = true.infeasibility[: problem.required].max(initial=0.0)
+            if SOLVED < left < NEARLY_SOLVED:
+                true = evaluate_built(problem, parameters)
             return Polished(parameters, true.infeasibility, violation, count)
         # A few of the worst newcomers at a time: neighbouring states fail for the same reason.
         newcomers = np.argsort(-np.where(working, -1.0, with_reserve.infeasibility))[:4]

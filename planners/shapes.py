@@ -76,6 +76,12 @@ class Shapes(Protocol):
         """Return (E, V, d) surface points for shapes (E, S) and directions (E, d)."""
 
     def rays(self, surface: Array) -> tuple[Array, Array]:
+        """Return contact points and normals (E, R, d) of surfaces, enough of them to design with.
+
+        They span a subset of the joints' cones, so what holds with them holds (Theorem 3.2).
+        """
+
+    def all_rays(self, surface: Array) -> tuple[Array, Array]:
         """Return contact points and normals (E, R, d) of surfaces: the corners of every facet."""
 
     def transferred(self, surface: Array) -> tuple[Array, Array]:

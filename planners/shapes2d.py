@@ -120,6 +120,10 @@ class Shapes2D:
         points = np.concatenate([curve[:, :-1], curve[:, 1:]], axis=1)
         return points, np.concatenate([normals, normals], axis=1)
 
+    def all_rays(self, curve: Array) -> tuple[Array, Array]:
+        """Return `rays`: those of curves are complete."""
+        return self.rays(curve)
+
     def transferred(self, curve: Array) -> tuple[Array, Array]:
         """Return the area (E,) and first moment (E, 2) that each curve moves from P_j to P_i."""
         curve = curve - self.segments[:, :1]

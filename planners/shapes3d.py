@@ -184,13 +184,26 @@ class Shapes3D:
 
     def rays(self, surface: Array) -> tuple[Array, Array]:
         """Return contact points and normals (E, R, 3): middles of the telling triangles, corners of the contact."""
-        triangles = self._pattern.triangles[self._telling]
-        a, b, c = (surface[:, triangles[:, k]] for k in range(3))
-        normals = np.cross(b - a, c - a)
-        normals /= np.maximum(np.linalg.norm(normals, axis=2), 1e-300)[..., None]
+        corners, normals = self._facets(surface, self._pattern.triangles[self._telling])
+        rim, flat = self._rim(surface)
+        return np.concatenate([corners.mean(axis=2), rim], axis=1), np.concatenate([normals, flat], axis=1)
+
+    def all_rays(self, surface: Array) -> tuple[Array, Array]:
+        """Return contact points and normals (E, R, 3): every corner of every triangle, corners of the contact."""
+        corners, normals = self._facets(surface, self._pattern.triangles)
+        rim, flat = self._rim(surface)
+        points = corners.reshape(len(corners), -1, 3)
+        return np.concatenate([points, rim], axis=1), np.concatenate([np.repeat(normals, 3, axis=1), flat], axis=1)
+
+    def _facets(self, surface: Array, triangles: IntArray) -> tuple[Array, Array]:
+        """Return corners (E, T, 3, 3) and unit normals (E, T, 3) of triangles of the patches."""
+        corners = surface[:, triangles]
+        normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
+        return corners, normals / np.maximum(np.linalg.norm(normals, axis=2), 1e-300)[..., None]
+
+    def _rim(self, surface: Array) -> tuple[Array, Array]:
         rim = surface[:, len(self._pattern.xy) :]
-        flat = np.broadcast_to(self.normals[:, None], rim.shape)
-        return np.concatenate([(a + b + c) / 3.0, rim], axis=1), np.concatenate([normals, flat], axis=1)
+        return rim, np.broadcast_to(self.normals[:, None], rim.shape)
 
     def transferred(self, surface: Array) -> tuple[Array, Array]:
         """Return volume (E,) and first moment (E, 3) that each patch moves from P_j to P_i."""
