@@ -204,6 +204,8 @@ def sweep_blockers(assembly: Assembly, part: int, ways_out: Array) -> tuple[int,
     The sweep is long enough to clear everything. Touching is not hitting: an overlap counts when it is deeper than
     parts at rest may overlap.
     """
+    if not len(ways_out):
+        return ()
     if assembly.dimension == 3:
         from mocca_robot.sweep3d import sweep_blockers_3d
 

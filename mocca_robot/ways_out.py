@@ -33,7 +33,9 @@ def ways_out(
         order = order[slack[order] >= np.sin(alpha + room_rad)]
         tried = [motion.axis] if motion.alpha_rad >= alpha else []
         for axis in (*tried, *spread[order]):
-            if not sweep_blockers(assembly, part, insertion_rim(axis, alpha)):
+            rim = insertion_rim(axis, alpha)
+            # Most directions that are not free are blocked along their axis already.
+            if not sweep_blockers(assembly, part, rim[:1]) and not sweep_blockers(assembly, part, rim[1:]):
                 found[part] = np.asarray(axis)
                 break
     return found

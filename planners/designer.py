@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from mocca_robot.assembly import Array, Assembly, BoolArray, Lateral, read_only
 from mocca_robot.contacts import Contact, ContactReport, find_contacts, require_sound
@@ -126,7 +127,9 @@ def design(
         impossible = None if proof is None else (required[proof.case].name, proof)
         kinematic = time.perf_counter() - started
         if impossible is None:
-            shapes, polished = _search(problem, start, progress)
+            # Load cases run side by side already; a pool of threads inside each would only get in their way.
+            with threadpool_limits(limits=1, user_api="blas"):
+                shapes, polished = _search(problem, start, progress)
             problem = replace(problem, shapes=shapes)
         realization = time.perf_counter() - started - kinematic
     result = _built(assembly, problem, given, required, before.infeasibility, polished)
@@ -290,8 +293,10 @@ def _room(motion: PartMotion, way: Array) -> float:
 
 
 def _confirmed_way(built: Assembly, part: int, motion: PartMotion, designed: Array) -> Array:
-    """Return a way out that a sweep of the built part confirms: the widest cone's axis if it is free, else the
-    designed one."""
+    """Return the way out that a part is inserted along: the widest cone's axis if a sweep confirms it, else the
+    designed one. In 3D the designed one, which was found by sweeps and has kept its cone since."""
+    if built.dimension == 3:
+        return designed
     alpha = built.alpha_rad or 0.0
     if not len(motion.normals) or motion.alpha_rad < alpha:
         return designed
