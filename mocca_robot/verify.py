@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from mocca_robot.assembly import Array, Assembly, Goal, Mesh, Polygon
 from mocca_robot.contacts import Contact, find_contacts, to_shapely
@@ -17,7 +15,7 @@ from mocca_robot.loads import LoadCase, case_wrenches, load_cases, tilted_gravit
 from mocca_robot.parts_graph import PartMotion, part_motions
 from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium
 from mocca_robot.statics.tilt import critical_angle
-from mocca_robot.tolerances import TOLERANCES
+from mocca_robot.sweep2d import free_half_angle_2d, sweep_blockers_2d
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +91,9 @@ class InsertionVerdict:
 
     Attributes:
         part: name.
-        alpha_rad: half-angle of the widest cone its earlier contacts leave (see PartMotion).
+        alpha_rad: half-angle of the widest cone about its way in that is free, negative when its earlier contacts
+            block the way itself. Flat parts: free of everything. Solid parts: as far as their own contacts tell
+            (see PartMotion); `collides` tells of all others, within the cone that was asked for.
         required_rad: what was asked for; None when nothing was.
         blockers: names of earlier parts that are hit while inserting along the axis or the rim, or that leave
             the cone too narrow.
@@ -173,6 +173,8 @@ def insertion_verdicts(
             axis = -directions[name]
             alpha = float(np.arcsin(np.clip((motion.normals @ axis).min(), -1.0, 1.0)))
         hit = sweep_blockers(assembly, part, insertion_rim(axis, assembly.alpha_rad or 0.0)) if alpha > -1e-9 else ()
+        if assembly.dimension == 2 and alpha > 0.0 and not hit:
+            alpha = min(alpha, free_half_angle_2d(assembly, part, axis))
         narrow = alpha < (assembly.alpha_rad or 0.0) - 1e-9
         blockers = {assembly.parts[b].name for b in motion.blockers} if narrow else set()
         blockers |= {assembly.parts[b].name for b in hit}
@@ -210,30 +212,7 @@ def sweep_blockers(assembly: Assembly, part: int, ways_out: Array) -> tuple[int,
         from mocca_robot.sweep3d import sweep_blockers_3d
 
         return sweep_blockers_3d(assembly, part, ways_out)
-    moving = assembly.parts[part].shape
-    assert isinstance(moving, Polygon)
-    depth = TOLERANCES.overlap_depth * assembly.size
-    earlier = [p.shape for p in assembly.parts[:part] if isinstance(p.shape, Polygon)]
-    tree = shapely.STRtree([_core(shape, depth) for shape in earlier])
-    swept = np.concatenate([_entered(moving, way * 2.0 * assembly.size) for way in ways_out])
-    _, hit = tree.query(swept, predicate="intersects")
-    return tuple(int(k) for k in np.unique(hit))
-
-
-@lru_cache(maxsize=1024)
-def _core(polygon: Polygon, depth: float) -> shapely.Geometry:
-    """Return what lies deeper than `depth` inside a polygon; kept, since every later part is swept against it."""
-    return shapely.buffer(to_shapely(polygon), -depth, join_style="mitre")
-
-
-def _entered(polygon: Polygon, travel: Array) -> NDArray[np.object_]:
-    """Return what a polygon enters while moving by `travel`: the parallelograms that its leading edges sweep."""
-    start = np.concatenate(polygon.rings)
-    end = np.concatenate([np.roll(ring, -1, axis=0) for ring in polygon.rings])
-    edge = end - start
-    leading = edge[:, 1] * travel[0] - edge[:, 0] * travel[1] > 0.0
-    corners = np.stack([start, end, end + travel, start + travel], axis=1)[leading]
-    return np.asarray(shapely.polygons(corners))
+    return sweep_blockers_2d(assembly, part, ways_out)
 
 
 def part_overlap(assembly: Assembly) -> float:

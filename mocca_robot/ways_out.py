@@ -10,7 +10,13 @@ from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import Contact
 from mocca_robot.joints.joint import planar
 from mocca_robot.parts_graph import part_motions
+from mocca_robot.sweep2d import free_half_angle_2d
 from mocca_robot.verify import insertion_rim, sweep_blockers
+
+HALF_ANGLE_STEP = float(np.deg2rad(1.0))
+"""How finely a solid part's free half-angle is searched."""
+RIM_INSET = float(np.deg2rad(0.25))
+"""Cones that are tried end this far inside the limit that contacts set: exactly on it, rounding decides."""
 
 
 def ways_out(
@@ -39,6 +45,30 @@ def ways_out(
                 found[part] = np.asarray(axis)
                 break
     return found
+
+
+def free_half_angle(assembly: Assembly, part: int, way_out: Array, widest_rad: float) -> float:
+    """Return the half-angle (radians), at most `widest_rad`, of a cone about `way_out` (d,) in which `part` leaves
+    freely: clear of its neighbours' far ends and of parts further away as well. Zero when the axis is blocked.
+
+    Exact for flat parts. For solid ones an angle whose axis and rings were swept, at most `HALF_ANGLE_STEP` less.
+    """
+    if assembly.dimension == 2:
+        return min(widest_rad, free_half_angle_2d(assembly, part, way_out))
+
+    def free(angle: float) -> bool:
+        ways = [insertion_rim(way_out, share * angle)[1:] for share in (1.0, 0.5)]
+        return not sweep_blockers(assembly, part, np.concatenate(ways))
+
+    if widest_rad <= 0.0 or sweep_blockers(assembly, part, way_out[None]):
+        return 0.0
+    if free(widest_rad):
+        return widest_rad
+    low, high = 0.0, widest_rad
+    while high - low > HALF_ANGLE_STEP:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if free(middle) else (low, middle)
+    return low
 
 
 def spread_directions(dimension: int, count: int) -> Array:

@@ -19,7 +19,7 @@ from mocca_robot.joints.options import JointOptions
 from mocca_robot.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
 from mocca_robot.parts_graph import PartMotion, part_motions
 from mocca_robot.verify import insertion_rim, sweep_blockers
-from mocca_robot.ways_out import ways_out
+from mocca_robot.ways_out import free_half_angle, ways_out
 from planners.descent import Parameters, Problem, evaluate
 from planners.energy import Loads
 from planners.kinematic import Impossible, bound
@@ -194,7 +194,7 @@ def _built(
     built = build_parts(assembly, joints)
     motions = part_motions(assembly, joints)
     insertion = tuple(
-        Insertion(assembly.parts[p].name, read_only(-way), _room(m, way))
+        Insertion(assembly.parts[p].name, read_only(-way), _free_cone(built, p, m, way))
         for p, m in motions.items()
         for way in [parameters.axis[p] if given[p] else _confirmed_way(built, p, m, parameters.axis[p])]
     )
@@ -209,6 +209,20 @@ def _room(motion: PartMotion, way: Array) -> float:
     if not len(motion.normals):
         return float(np.pi / 2)
     return float(np.arcsin(np.clip((motion.normals @ way).min(), -1.0, 1.0)))
+
+
+def _free_cone(built: Assembly, part: int, motion: PartMotion, way: Array) -> float:
+    """Return the half-angle of the cone about `way` that is promised, radians; negative when contacts block it.
+
+    Flat parts get all that is free. For solids sweeps are dear: the cone that was asked for, when contacts leave it.
+    """
+    room = _room(motion, way)
+    asked = built.alpha_rad
+    if room <= 0.0:
+        return room
+    if built.dimension == 3 and asked is not None:
+        return min(room, asked)
+    return free_half_angle(built, part, way, room)
 
 
 def _confirmed_way(built: Assembly, part: int, motion: PartMotion, designed: Array) -> Array:

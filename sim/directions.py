@@ -10,14 +10,12 @@ import numpy as np
 from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import Contact
 from mocca_robot.motion_cone import largest_cone
-from mocca_robot.verify import insertion_rim, sweep_blockers
+from mocca_robot.ways_out import RIM_INSET, free_half_angle
 
 OUTSIDE = float(np.deg2rad(3.0))
 """How far outside the realised motion cone the negative controls run."""
 WIDEST = float(np.deg2rad(60.0))
 """Widest cone tried where no α was asked for: beyond, a part slides along its contacts for its whole length."""
-RIM_INSET = float(np.deg2rad(0.25))
-"""Where no α was asked for, the rim tried lies this far inside the realised cone: exactly on it, rounding decides."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,17 +65,8 @@ def insertion_cone(
     if promised is not None:
         tried = min(promised, realised)
     else:
-        tried = _unobstructed(assembly, part, way_out, realised)
+        tried = free_half_angle(assembly, part, way_out, min(WIDEST, max(0.0, realised - RIM_INSET)))
     return InsertionCone(part, -way_out, normals, realised, tried)
-
-
-def _unobstructed(assembly: Assembly, part: int, way_out: Array, realised: float) -> float:
-    """Return a half-angle within the realised cone at which no part farther away is in the way either."""
-    widest = min(WIDEST, max(0.0, realised - RIM_INSET))
-    for share in (1.0, 0.5, 0.25, 0.1):
-        if not sweep_blockers(assembly, part, insertion_rim(way_out, share * widest)):
-            return share * widest
-    return 0.0
 
 
 def directions(cone: InsertionCone, count: int) -> tuple[Direction, ...]:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from solids import box
 
-from mocca_robot.assembly import Assembly, Part
+from mocca_robot.assembly import Assembly, Part, Polygon
 from mocca_robot.contacts import find_contacts
 from mocca_robot.verify import insertion_rim, sweep_blockers
-from mocca_robot.ways_out import ways_out
+from mocca_robot.ways_out import free_half_angle, ways_out
+
+
+def flat(points: list[list[float]]) -> Polygon:
+    return Polygon(np.array(points, dtype=float))
 
 
 def test_a_block_before_a_wall_leaves_upwards():
@@ -43,3 +48,32 @@ def test_a_free_axis_is_kept():
         "pair", (Part("a", box((0, 0, 0), (1, 1, 1)), fixed=True), Part("b", box((0, 0, 1), (1, 1, 2))))
     )
     assert np.allclose(ways_out(assembly, find_contacts(assembly).contacts)[1], [0, 0, 1])
+
+
+def test_a_flat_part_s_free_cone_ends_where_sweeps_begin_to_hit():
+    """A lid on a block, a post off to the right: contacts leave 90°, the post's corner leaves less."""
+    ground = Part("ground", flat([[0, 0], [10, 0], [10, 1], [0, 1]]), fixed=True)
+    post = Part("post", flat([[6, 1], [7, 1], [7, 5], [6, 5]]), fixed=True)
+    lid = Part("lid", flat([[1, 1], [4, 1], [4, 2], [1, 2]]))
+    assembly = Assembly("posts", (ground, post, lid))
+    up = np.array([0.0, 1.0])
+    angle = free_half_angle(assembly, 2, up, np.pi / 2)
+    # The lid's right bottom corner passes the post's nearest top corner, which lies 2 beside and 4 above it.
+    assert angle == pytest.approx(np.arctan2(2, 4), abs=1e-4)
+    for lean, hit in ((angle - 0.01, ()), (angle + 0.01, (1,))):
+        assert sweep_blockers(assembly, 2, np.array([[np.sin(lean), np.cos(lean)]])) == hit
+    assert free_half_angle(assembly, 2, up, 0.1) == 0.1
+    assert free_half_angle(assembly, 2, np.array([1.0, 0.0]), np.pi / 2) == 0.0
+
+
+def test_a_solid_part_s_free_cone_was_swept():
+    parts = (
+        Part("ground", box((0, 0, 0), (10, 10, 1)), fixed=True),
+        Part("wall", box((6, 0, 1), (7, 10, 5)), fixed=True),
+        Part("block", box((1, 4, 1), (4, 6, 2))),
+    )
+    assembly = Assembly("beside", parts)
+    up = np.array([0.0, 0.0, 1.0])
+    angle = free_half_angle(assembly, 2, up, np.deg2rad(80))
+    assert np.arctan2(2, 4) - np.deg2rad(1.0) <= angle <= np.arctan2(2, 4) + 1e-6
+    assert not sweep_blockers(assembly, 2, insertion_rim(up, angle, 16))
