@@ -2,6 +2,7 @@
 #   make setup   .venv with the command mocca-robot in it
 #   make demo    a leaning tower: designed, checked in physics, reported
 #   make test    style, types and tests
+#   make browser  the viewer and the pages in headless Chromium
 #   make docs    the documentation site, in site/, from pages that are up to date
 #   make bench   all measurements, the long ones included
 
@@ -18,7 +19,7 @@ export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test style types unit docs bench bench-quick clean
+.PHONY: help setup demo test style types unit browser docs bench bench-quick clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -53,8 +54,14 @@ types: setup
 
 # Tests of the robot driver watch a clock of 100 ms and so do not share the machine with others.
 unit: setup
-	@failed=0; $(BIN)/python -m pytest -n $(WORKERS) -m "not long" --ignore-glob='*/test_ur_*' || failed=1; \
-	$(BIN)/python -m pytest -m "not long" tests/test_ur_*.py || failed=1; exit $$failed
+	@failed=0; $(BIN)/python -m pytest -n $(WORKERS) -m "not long and not browser" --ignore-glob='*/test_ur_*' || failed=1; \
+	$(BIN)/python -m pytest -m "not long and not browser" tests/test_ur_*.py || failed=1; exit $$failed
+
+browser: setup
+	@command -v chromium chromium-browser google-chrome >/dev/null || { \
+		echo "The browser tests need Chromium; on Debian: apt-get install chromium" >&2; exit 1; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[browser]'
+	$(BIN)/python -m pytest -m browser
 
 docs: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
@@ -62,7 +69,7 @@ docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 bench: setup
-	$(BIN)/python -m pytest -n $(WORKERS) -m long
+	$(BIN)/python -m pytest -n $(WORKERS) -m "long and not browser"
 	@for name in $(BENCHES); do echo "== $$name"; $(BIN)/python -m benchmarks $$name || exit 1; done
 
 bench-quick: setup
