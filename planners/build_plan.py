@@ -161,7 +161,15 @@ def build_plan(
     if not steps:
         raise InputError(f"'{design.assembly.name}' has no free parts: there is nothing to build.")
     steps[-1] = _homeward(bench, steps[-1])
-    plan = Plan(design_sha256, cell.model.name, cell.gripper.name, cell.execution, tuple(steps), design=design_path)
+    plan = Plan(
+        design_sha256,
+        cell.model.name,
+        cell.gripper.name,
+        cell.execution,
+        tuple(steps),
+        design=design_path,
+        supports=tuple(supports),
+    )
     return BuildPlan(plan, tuple(reports), (), (), where, tray)
 
 

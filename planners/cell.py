@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from mocca_robot.files import fields
 from mocca_robot.files.documents import parse_yaml, read_text
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.models import RobotModel, robot_model
-from mocca_robot.ur.plan import Cell
+from mocca_robot.ur.plan import Cell, Plan
 from mocca_robot.ur.plan_reader import GRIPPERS
 from mocca_robot.ur.pose import Six, six, three
 
@@ -56,6 +57,7 @@ class RobotCell:
         thickness_m: of flat parts; None keeps the design's.
         tray_m: (2, 2) corners of the tray in the horizontal; parts stand `nest_m` above the table, `gap_m` apart.
         home: joint angles (6,) where a build begins and ends.
+        document: the file's content, from which a plan lets the cell be read again.
     """
 
     name: str
@@ -73,10 +75,12 @@ class RobotCell:
     gap_m: float
     home: Array
     limits: Limits
+    document: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def execution(self) -> Cell:
-        """Return what a plan records about the cell."""
+        """Return what a plan records about the cell: what execution obeys, and the whole description beside it."""
+        build = {**self.document.get("build", {}), "size_m": self.build_size_m, "thickness_m": self.thickness_m}
         return Cell(
             name=self.name,
             tcp_offset=self.gripper.tcp_offset,
@@ -86,7 +90,11 @@ class RobotCell:
             gripper_stroke_m=self.gripper.stroke_m,
             serial=self.serial,
             limits=self.limits,
-            extra={"table_m": self.table_m.tolist(), "tray_m": self.tray_m.tolist()},
+            extra={
+                "table_m": self.table_m.tolist(),
+                "tray_m": self.tray_m.tolist(),
+                "description": {**self.document, "build": build},
+            },
         )
 
 
@@ -100,8 +108,20 @@ _GRIPPER_KEYS = (
 def read_cell(path: Path | str) -> RobotCell:
     """Return the cell that a YAML file describes; InputError names the key, its value and what it has to be."""
     path = Path(path)
-    where = str(path)
-    raw = fields.mapping(parse_yaml(read_text(path), where), where, _KEYS)
+    return cell_from_document(parse_yaml(read_text(path), str(path)), str(path))
+
+
+def cell_of(plan: Plan) -> RobotCell:
+    """Return the cell that `plan` was made for, from the plan alone; InputError for a plan that does not record it."""
+    raw = plan.cell.extra.get("description")
+    if not isinstance(raw, dict):
+        raise InputError(f"The plan does not describe its cell '{plan.cell.name}'. Plan again with this version.")
+    return cell_from_document(raw, "plan: cell.description")
+
+
+def cell_from_document(content: object, where: str) -> RobotCell:
+    """Return the cell that a parsed file describes; `where` names it in errors."""
+    raw = fields.mapping(content, where, _KEYS)
     build = fields.mapping(
         _needed(raw, "build", where), f"{where}: build", ("origin_m", "yaw_deg", "size_m", "thickness_m")
     )
@@ -125,6 +145,7 @@ def read_cell(path: Path | str) -> RobotCell:
         gap_m=fields.number(tray.get("gap_m", 0.045), f"{where}: tray.gap_m", 0.0, 1.0),
         home=read_only(np.deg2rad(fields.vector(_needed(raw, "home_deg", where), f"{where}: home_deg", (6,)))),
         limits=Limits().lowered(fields.mapping(raw.get("limits", {}), f"{where}: limits")),
+        document=raw,
     )
 
 

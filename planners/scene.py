@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.assembly import Array, IntArray
+from mocca_robot.ur.links import capsules
+from mocca_robot.ur.links import offsets as link_offsets
 from planners.cell import RobotCell
 from planners.site import Site
 
-LINK_RADII = (0.075, 0.065, 0.058, 0.05, 0.05, 0.05)
-"""Metres, of a UR5e's six links with their covers; other arms in proportion to their shoulder height."""
 CLEARANCE_M = 0.002
 """What arm, gripper and carried part keep from everything else."""
 
@@ -65,43 +65,23 @@ class Scene:
 
     def _add_arm(self, spec: Any) -> None:
         mujoco, model, gripper = self._mujoco, self._cell.model, self._cell.gripper
-        thick = model.d[0] / 0.1625
-        side = 1.02 * model.d[3]
         parent = spec.worldbody
-        before = ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0])
-        segments: list[list[tuple[list[float], list[float]]]] = [
-            [([0, 0, 0.03], [0, 0, model.d[0]])],
-            [
-                ([0, 0, 0], [0, 0, side]),
-                ([0, 0, side], [model.a[1], 0, side]),
-                ([model.a[1], 0, side], [model.a[1], 0, 0]),
-            ],
-            [([0, 0, 0], [model.a[2], 0, 0])],
-            [([0, 0, 0], [0, 0, model.d[3]])],
-            [([0, 0, 0], [0, 0, model.d[4]])],
-            [([0, 0, 0], [0, 0, model.d[5] - 0.05 * thick])],
-        ]
-        alphas = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
-        links = []
+        segments, offsets = capsules(model), link_offsets(model)
         for k in range(6):
-            body = parent.add_body(name=f"link {k}", pos=before[0], quat=before[1])
+            body = parent.add_body(name=f"link {k}", pos=offsets[k].position, quat=offsets[k].quat_wxyz)
             body.add_joint(name=f"joint {k}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
-            for n, (a, b) in enumerate(segments[k]):
+            for n, capsule in enumerate(segments[k]):
                 body.add_geom(
                     name=f"link {k} {n}",
                     type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-                    fromto=[*a, *b],
-                    size=[LINK_RADII[k] * thick, 0, 0],
+                    fromto=[*capsule.start, *capsule.end],
+                    size=[capsule.radius, 0, 0],
                     contype=_SHOULDER if k == 0 else _ARM,
                     conaffinity=0,
                     margin=self._clearance,
                 )
-            links.append(body)
-            half = 0.5 * alphas[k]
-            # The transform after joint k: along z by d, along x by a, about x by alpha.
-            before = ([model.a[k], 0.0, model.d[k]], [float(np.cos(half)), float(np.sin(half)), 0.0, 0.0])
             parent = body
-        flange = parent.add_body(name="flange", pos=before[0], quat=before[1])
+        flange = parent.add_body(name="flange", pos=offsets[6].position, quat=offsets[6].quat_wxyz)
         low, high = gripper.palm_m
         flange.add_geom(
             name="palm",

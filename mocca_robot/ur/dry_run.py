@@ -51,6 +51,8 @@ class DryRun:
             f"dry run: {plan.robot} with {plan.gripper} in cell '{plan.cell.name}', plan {plan.sha256[:12]}",
             f"{len(self.rows)} waypoints, {sum(self.seconds):.1f} s planned; nothing is sent to a robot",
         ]
+        if plan.supports:
+            lines.append(f"somebody or something has to hold, once placed: {', '.join(plan.supports)}")
         place: tuple[int, int, int | None] | None = None
         for row in self.rows:
             if place != (row.step, row.move, row.alternative):

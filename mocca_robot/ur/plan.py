@@ -131,7 +131,12 @@ class Cell:
 
 @dataclass(frozen=True)
 class Plan:
-    """A whole build. `design` is the design file's path relative to the plan, if recorded."""
+    """A whole build.
+
+    Attributes:
+        design: the design file's path relative to the plan, if recorded.
+        supports: parts that something else than the structure has to hold from the moment they are placed.
+    """
 
     design_sha256: str
     robot: str
@@ -139,6 +144,7 @@ class Plan:
     cell: Cell
     steps: tuple[Step, ...]
     design: str | None = None
+    supports: tuple[str, ...] = ()
 
     @property
     def sha256(self) -> str:
@@ -173,6 +179,7 @@ def document(plan: Plan) -> dict[str, Any]:
         "units": "m",
         "design_sha256": plan.design_sha256,
         **({"design": plan.design} if plan.design else {}),
+        **({"supports": list(plan.supports)} if plan.supports else {}),
         "robot": plan.robot,
         "gripper": plan.gripper,
         "cell": {

@@ -76,6 +76,10 @@ def plan_from_document(raw: object, source: str = "plan") -> Plan:
         cell=_cell(_mapping(top.get("cell"), f"{source}: cell"), f"{source}: cell"),
         steps=tuple(_step(_mapping(s, f"{source}: step {i}"), f"{source}: step {i}") for i, s in enumerate(steps)),
         design=_text(top, "design", source) if "design" in top else None,
+        supports=tuple(
+            _text({"supports": name}, "supports", source)
+            for name in _sequence(top.get("supports", []), f"{source}: 'supports'")
+        ),
     )
 
 
