@@ -24,6 +24,8 @@ PUBLIC: dict[str, tuple[str, ...]] = {
     "mocca_robot": (),
     "planners": (),
     "sim": (),
+    "studies": (),
+    "mocca_robot.executors": ("LocalProcesses", "WorkerLost", "completed", "executor", "mapped"),
     "mocca_robot.contacts": ("Contact", "ContactReport", "NearMiss", "Overlap", "require_sound"),
     "mocca_robot.motion_cone": ("MotionCone", "generalized_normals", "extreme_rays", "largest_cone"),
     "mocca_robot.loads": ("LoadCase", "load_cases", "state_cases", "tilted_gravity"),
