@@ -6,12 +6,16 @@ import base64
 import dataclasses
 import json
 import re
+import struct
 import xml.etree.ElementTree as ET
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import scipy.ndimage
+import shapely
 
 from mocca_robot.assembly import Assembly, Equilibrium, Lateral, Mesh, Part, Polygon, SupportFree
 from mocca_robot.contacts import Contact, find_contacts
@@ -20,7 +24,7 @@ from mocca_robot.joints.build2d import build_parts_2d
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.spline import polyline_joint
 from mocca_robot.loads import load_cases, state_cases
-from mocca_robot.report import cone_plots, drawing2d, figures, pictures
+from mocca_robot.report import cone_plots, drawing2d, drawing3d, figures, pictures, raster
 from mocca_robot.report.comparison import Variant, comparison_page
 from mocca_robot.report.data import ReportData, Tilt, collect
 from mocca_robot.report.film import films
@@ -308,12 +312,58 @@ def test_packed_mesh_is_the_mesh(solid: ReportData) -> None:
     assert (faces == mesh.faces).all() and len(edges) == 12, "a box has twelve edges, diagonals are none"
 
 
-def test_solids_are_painted_from_back_to_front(solid: ReportData) -> None:
-    from mocca_robot.report.drawing3d import camera, paint_order
+def cube(side: float, at: tuple[float, float, float]) -> Mesh:
+    v = np.array([[x, y, z] for z in (0, side) for y in (0, side) for x in (0, side)]) + at
+    quads = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
+    return Mesh(v, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]))
 
-    assert paint_order(solid.design.assembly, solid.after.contacts, camera()[2]) == [0, 1, 2]
-    below = np.array([0.0, 0.0, -1.0])
-    assert paint_order(solid.design.assembly, solid.after.contacts, below) == [2, 1, 0]
+
+def test_the_camera_sees_what_is_in_front_and_covers_each_face_once() -> None:
+    """Seen from above: a small cube on a large one, to the half pixel."""
+    above = np.eye(3)
+    scene = [cube(0.4, (0.0, 0.0, 0.0)), cube(0.1, (0.1, 0.2, 0.4)), cube(0.1, (0.1, 0.1, -0.1))]
+    seen = raster.look(scene, above, 100.0, np.array([-0.05, -0.05]), 50, 50)
+    assert (seen.part == 0).sum() == 40 * 40 - 10 * 10 and (seen.part == 1).sum() == 10 * 10
+    assert not (seen.part == 2).any(), "hidden below"
+    rows, columns = np.nonzero(seen.part == 1)
+    assert (rows.min(), rows.max(), columns.min(), columns.max()) == (15, 24, 15, 24), "the top row is the far one"
+    np.testing.assert_allclose(seen.depth[seen.part == 0], 40.0)
+    np.testing.assert_allclose(seen.normal[seen.part >= 0] - [0.0, 0.0, 1.0], 0.0, atol=1e-12)
+
+
+def test_depth_is_that_of_the_plane_and_lines_run_where_faces_turn() -> None:
+    axes = drawing3d.camera()
+    seen = raster.look([cube(1.0, (-0.5, -0.5, -0.5))], axes, 60.0, np.array([-1.0, -1.0]), 120, 120)
+    hit = seen.part == 0
+    rows, columns = np.nonzero(hit)
+    flat = np.stack([(columns + 0.5) / 60.0 - 1.0, 1.0 - (rows + 0.5) / 60.0, seen.depth[hit] / 60.0], axis=1)
+    world = flat @ axes
+    np.testing.assert_allclose(np.abs(world).max(axis=1), 0.5, atol=1e-9)
+    corners = cube(1.0, (-0.5, -0.5, -0.5)).vertices @ axes[:2].T
+    assert hit.sum() == pytest.approx(3600 * shapely.MultiPoint(corners).convex_hull.area, rel=0.01)
+    groups = {tuple(n) for n in np.round(seen.normal[hit], 9)}
+    assert len(groups) == 3, "three faces of a cube"
+    inside = scipy.ndimage.binary_erosion(hit, iterations=3)
+    assert 100 < (raster.outlines(seen) & inside).sum() < 600, "its three inner edges"
+
+
+def test_a_picture_is_a_png_of_its_pixels() -> None:
+    pixels = np.random.default_rng(0).integers(0, 256, (5, 7, 4), dtype=np.uint8)
+    data = raster.png(pixels)
+    assert data.startswith(b"\x89PNG") and struct.unpack(">II", data[16:24]) == (7, 5)
+    start = data.index(b"IDAT") + 4
+    raw = np.frombuffer(zlib.decompress(data[start : data.index(b"IEND") - 8]), np.uint8).reshape(5, 29)
+    assert (raw[:, 0] == 2).all()
+    assert (np.cumsum(raw[:, 1:], axis=0, dtype=np.uint8).reshape(5, 7, 4) == pixels).all()
+
+
+def test_exploded_parts_keep_their_shape_and_move_away_from_the_middle(solid: ReportData) -> None:
+    parts = [p.shape for p in solid.design.assembly.parts]
+    for before, after in zip(parts, drawing3d.exploded(solid.design.assembly, 0.5)):
+        assert isinstance(before, Mesh)
+        shift = after.vertices - before.vertices
+        np.testing.assert_allclose(shift - shift[0], 0.0, atol=1e-12)
+        assert (after.faces == before.faces).all() and shift[0, 2] >= 0.0
 
 
 @pytest.mark.parametrize("kind", ["flat", "solid"])

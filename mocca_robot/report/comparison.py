@@ -14,7 +14,7 @@ from mocca_robot.report.markup import badge, degrees, esc, listed, significant, 
 from mocca_robot.report.page import document
 from mocca_robot.report.palette import part_colours
 from mocca_robot.report.pictures import Picture
-from mocca_robot.report.sections import case_mark, section
+from mocca_robot.report.sections import APART, case_mark, section
 from mocca_robot.report.summary import case_words
 from mocca_robot.verify import Verification
 
@@ -70,6 +70,7 @@ def comparison_page(title: str, variants: Sequence[Variant]) -> str:
 
 def _panels(variants: Sequence[Variant]) -> str:
     view = pictures.shared_view([v.assembly for v in variants])
+    wide = pictures.shared_view([v.assembly for v in variants], apart=APART)
     colours = part_colours(variants[0].assembly, variants[0].verification.contacts)
     panels = []
     for variant in variants:
@@ -79,10 +80,14 @@ def _panels(variants: Sequence[Variant]) -> str:
         joints, insertion = (variant.joints, variant.insertion) if flat else ((), ())
         picture = Picture(variant.assembly, checked.contacts, colours, shown, joints, insertion, names=False)
         drawn = pictures.draw(picture, view, f"{variant.assembly.name}, {variant.name}")
+        if not flat:
+            opened = Picture(variant.assembly, checked.contacts, colours, apart=APART)
+            drawn += pictures.draw(opened, wide, f"{variant.assembly.name}, {variant.name}, taken apart")
         remarks = "".join(f"<p>{esc(r)}</p>" for r in variant.remarks)
         caption = f"<b>{esc(variant.name)}</b> {_stands(variant)}{remarks}"
         panels.append(f"<figure>{drawn}<figcaption>{caption}</figcaption></figure>")
-    return f'<div class="figures">{"".join(panels)}</div>'
+    narrow = " narrow" if len(panels) > 3 else ""
+    return f'<div class="figures{narrow}">{"".join(panels)}</div>'
 
 
 def _stands(variant: Variant) -> str:

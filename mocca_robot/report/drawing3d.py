@@ -1,25 +1,23 @@
-"""Solid assemblies as flat SVG: orthographic, hidden parts painted over, shaded by their faces' tilt to the light."""
+"""Solid assemblies as flat drawings: what an orthographic camera sees, and over it how the parts would move."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import networkx as nx
 import numpy as np
 import shapely
 
 from mocca_robot.assembly import Array, Assembly, Mesh
-from mocca_robot.contacts import Contact
+from mocca_robot.report import raster
 from mocca_robot.report.drawing2d import GHOST_REACH, View, arrow
-from mocca_robot.report.markup import esc, point_list, px
-from mocca_robot.report.palette import fills
+from mocca_robot.report.markup import point_list, px
+from mocca_robot.report.palette import FIXED, LIGHT
 from mocca_robot.verify import CaseVerdict
 
-LIGHT = np.array([0.3, 0.6, 0.74])
-"""Towards the light in camera axes (right, up, towards the eye)."""
-SMALL_FACE = 0.02
-"""Faces below this share of a part's visible area (a joint's facets) are drawn as one."""
-
+DENSITY = 1.5
+"""Pixels of the picture per unit of the drawing."""
+FINER = 2
+"""Pixels a side that are averaged into one: smooth lines."""
 MANY_GHOSTS = 24
 """With more moving parts than this only arrows are drawn: outlines would hide the picture."""
 
@@ -30,69 +28,24 @@ def camera(azimuth_rad: float = np.deg2rad(-60.0), elevation_rad: float = np.deg
     return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
 
 
-def paint_order(assembly: Assembly, contacts: Sequence[Contact], eye: Array) -> list[int]:
-    """Return part indices from back to front: across a contact the part on the eye's side comes later.
-
-    Where that is circular, by the depth of the centroids alone.
-    """
-    depth = [float(p.centroid @ eye) for p in assembly.parts]
-    graph: nx.DiGraph[int] = nx.DiGraph()
-    graph.add_nodes_from(range(len(depth)))
-    facing: dict[tuple[int, int], float] = {}
-    for contact in contacts:
-        facing[contact.parts] = facing.get(contact.parts, 0.0) + contact.measure * float(contact.normal @ eye)
-    for (i, j), value in facing.items():
-        graph.add_edge(*((i, j) if value > 0 else (j, i)))
-    try:
-        return list(nx.lexicographical_topological_sort(graph, key=lambda p: depth[p]))
-    except nx.NetworkXUnfeasible:
-        return sorted(range(len(depth)), key=lambda p: depth[p])
+def solids_layer(assembly: Assembly, colours: Sequence[int], axes: Array, view: View, apart: float = 0.0) -> str:
+    """Return the parts as the camera sees them, moved `apart` (see `exploded`), as one picture inside the drawing."""
+    scale = DENSITY * FINER
+    width, height = round(view.width * scale), round(view.height * scale)
+    meshes = exploded(assembly, apart)
+    seen = raster.look(meshes, axes, view.scale * scale, view.low, width, height)
+    fills = [FIXED if c < 0 else LIGHT[c] for c in colours]
+    pixels = raster.painted(seen, fills, [p.fixed for p in assembly.parts], FINER)
+    size = f'width="{px(pixels.shape[1] / DENSITY)}" height="{px(pixels.shape[0] / DENSITY)}"'
+    return f'<image class="solids" x="0" y="0" {size} href="{raster.data_uri(pixels)}"/>'
 
 
-def solids_layer(
-    assembly: Assembly, contacts: Sequence[Contact], colours: Sequence[int], axes: Array, view: View
-) -> str:
-    """Return every part's visible faces, painted from back to front."""
-    classes = fills()
-    drawn = []
-    for k in paint_order(assembly, contacts, axes[2]):
-        part = assembly.parts[k]
-        assert isinstance(part.shape, Mesh)
-        faces = [_face(path, shade, classes[colours[k]]) for path, shade in visible_faces(part.shape, axes, view)]
-        kind = " (fixed)" if part.fixed else ""
-        drawn.append(f'<g data-part="{k}"><title>{esc(part.name)}{kind}</title>{"".join(faces)}</g>')
-    return "\n".join(drawn)
-
-
-def _face(path: str, shade: float, cls: str) -> str:
-    return (
-        f'<path class="solid part {cls}" d="{path}"/><path class="shade" opacity="{px(shade)}" d="{path}"/>'
-        f'<path class="solid-edge" d="{path}"/>'
-    )
-
-
-def visible_faces(mesh: Mesh, axes: Array, view: View) -> list[tuple[str, float]]:
-    """Return (path data, darkness 0 … 0.34) of the mesh's flat regions that face the eye, curved ones merged."""
-    corners = mesh.vertices[mesh.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    doubled = np.linalg.norm(normals, axis=1)
-    normals = normals / np.maximum(doubled, 1e-300)[:, None] @ axes.T
-    front = (normals[:, 2] > 1e-3) & (doubled > 0)
-    if not front.any():
-        return []
-    flat, normals, area = corners[front] @ axes[:2].T, normals[front], (doubled * 0.5)[front]
-    _, group = np.unique(np.round(normals, 2), axis=0, return_inverse=True)
-    group = group.ravel()
-    share = np.bincount(group, weights=area) / area.sum()
-    group = np.where(share[group] < SMALL_FACE, len(share), group)
-    faces = []
-    for g in np.unique(group):
-        mine = group == g
-        region = shapely.union_all(shapely.polygons(flat[mine]), grid_size=1e-7 * float(np.ptp(flat)))
-        normal = area[mine] @ normals[mine]
-        shade = 0.34 * (1.0 - max(float(normal / np.linalg.norm(normal) @ (LIGHT / np.linalg.norm(LIGHT))), 0.0))
-        faces.append((region_path(region, view), shade))
-    return faces
+def exploded(assembly: Assembly, apart: float) -> list[Mesh]:
+    """Return the parts' meshes moved outwards from the middle of the ground, by the share `apart` of their distance."""
+    meshes = [p.shape for p in assembly.parts if isinstance(p.shape, Mesh)]
+    centroids = np.array([p.centroid for p in assembly.parts])
+    middle = np.array([*centroids.mean(axis=0)[:2], centroids[:, 2].min()])
+    return [Mesh(m.vertices + apart * (c - middle), m.faces) for m, c in zip(meshes, centroids)]
 
 
 def region_path(region: shapely.Geometry, view: View) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import SupportFree
+from mocca_robot.assembly import Interlocking, SupportFree
 from mocca_robot.report.data import ReportData
 from mocca_robot.verify import CaseVerdict
 
@@ -22,7 +22,8 @@ TILT_AGREEMENT_DEG = {2: 0.5, 3: 1.5}
 class State:
     """One state of the sequence: the assembly just after `part` was placed.
 
-    `statics` and `physics` are the verdicts (None = not known), `moving` the parts that move by either.
+    `statics` and `physics` are the verdicts (None = not known), `moving` the parts that move by either. The finished
+    assembly needs support, too, where it was asked only to interlock: its key has to be held.
     """
 
     part: str
@@ -42,6 +43,7 @@ def states(data: ReportData) -> tuple[State, ...]:
     """Return one entry per free part, in assembly order."""
     assembly = data.design.assembly
     asked = any(isinstance(g, SupportFree) for g in assembly.goals)
+    keyed = bool(assembly.goals) and all(isinstance(g, Interlocking) for g in assembly.goals)
     by_name = {v.case.name: v for v in data.states}
     simulated = {str(s.get("placed")): s for s in entries(data, "states")}
     found = []
@@ -54,9 +56,9 @@ def states(data: ReportData) -> tuple[State, ...]:
         stable = _flag(physics.get("stable"))
         names = set(verdict.moving if verdict else ()) | {str(m) for m in physics.get("moved", [])}
         moving = tuple(n for n in assembly.sequence if n in names)
-        last = k == len(assembly.parts) - 1
+        finished = k == len(assembly.parts) - 1 and not keyed
         falls = statics is False or stable is False
-        found.append(State(part.name, statics, stable, moving, verdict, falls and not asked and not last))
+        found.append(State(part.name, statics, stable, moving, verdict, falls and not asked and not finished))
     return tuple(found)
 
 

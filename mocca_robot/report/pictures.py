@@ -31,13 +31,14 @@ class Picture:
     """What a panel draws.
 
     Attributes:
-        assembly, contacts: the geometry; contacts order the painting of solids and place the forces.
+        assembly, contacts: the geometry; contacts place the forces.
         colours: index per part, see `palette.part_colours`.
         cases: load cases whose forces (where it stands) or collapse motion (where not) are drawn; each in a group
             `data-case`, the first one visible.
         joints: drawn as curves in 2D.
         insertions: drawn as cones in 2D.
         names: whether the parts' names are drawn (2D).
+        apart: how far solid parts are moved from each other, as a share of their distance from the middle.
     """
 
     assembly: Assembly
@@ -47,14 +48,15 @@ class Picture:
     joints: Sequence[Joint] = ()
     insertions: Sequence[Insertion] = ()
     names: bool = True
+    apart: float = 0.0
 
 
-def shared_view(assemblies: Sequence[Assembly], size_px: float = 460.0) -> View:
+def shared_view(assemblies: Sequence[Assembly], size_px: float = 460.0, apart: float = 0.0) -> View:
     """Return a view in which all `assemblies` (of one dimension) appear at the same scale and place."""
-    points = np.concatenate([drawing2d.corners(a) for a in assemblies])
-    if points.shape[1] == 3:
-        points = points @ drawing3d.camera()[:2].T
-    return drawing2d.view_of(points, size_px)
+    if assemblies[0].dimension == 2:
+        return drawing2d.view_of(np.concatenate([drawing2d.corners(a) for a in assemblies]), size_px)
+    points = np.concatenate([m.vertices for a in assemblies for m in drawing3d.exploded(a, apart)])
+    return drawing2d.view_of(points @ drawing3d.camera()[:2].T, size_px, 0.13)
 
 
 def draw(picture: Picture, view: View, label: str, style: str = "") -> str:
@@ -79,7 +81,7 @@ def _flat(picture: Picture, view: View) -> str:
 
 
 def _solid(picture: Picture, view: View) -> str:
-    return drawing3d.solids_layer(picture.assembly, picture.contacts, picture.colours, drawing3d.camera(), view)
+    return drawing3d.solids_layer(picture.assembly, picture.colours, drawing3d.camera(), view, picture.apart)
 
 
 def _case(picture: Picture, verdict: CaseVerdict, view: View) -> str:

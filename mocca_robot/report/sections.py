@@ -18,13 +18,17 @@ from mocca_robot.verify import CaseVerdict
 LAYERS = (("names", "names"), ("joints", "joints"), ("forces", "contact forces"), ("collapse", "collapse motion"))
 
 
+APART = 0.6
+"""How far the parts of a solid are moved from each other in the third picture, as a share of their distance."""
+
+
 def section(identity: str, title: str, body: str) -> str:
     """Return a titled section that the navigation can point to."""
     return f'<section id="{identity}"><h2>{esc(title)}</h2>{body}</section>'
 
 
 def side_by_side(data: ReportData) -> str:
-    """Return input and result drawn at one scale, in 2D a third panel with the motion cones."""
+    """Return input and result at one scale, and a third panel: the motion cones in 2D, the parts apart in 3D."""
     source, built = data.design.source, data.design.assembly
     flat = built.dimension == 2
     colours = part_colours(built, data.after.contacts)
@@ -33,8 +37,8 @@ def side_by_side(data: ReportData) -> str:
     joints = data.design.joints if flat else ()
     after = Picture(built, data.after.contacts, colours, data.after.cases, joints)
     panels = [
-        _panel(pictures.draw(before, view, f"{source.name} as handed in"), "Input", data.before.cases),
-        _panel(pictures.draw(after, view, f"{built.name} with joints"), "Result", data.after.cases),
+        _panel(pictures.draw(before, view, f"{source.name} as handed in"), "Input", data.before.cases, flat),
+        _panel(pictures.draw(after, view, f"{built.name} with joints"), "Result", data.after.cases, flat),
     ]
     if flat and data.design.insertion:
         cones = Picture(built, data.after.contacts, colours, insertions=data.design.insertion, names=False)
@@ -43,6 +47,12 @@ def side_by_side(data: ReportData) -> str:
             "(its motion cone). Blue wedge: the cone asked for. Arrow: how the part goes in."
         )
         drawn = pictures.draw(cones, view, f"Motion cones of {built.name}")
+        panels.append(f"<figure>{drawn}<figcaption>{words}</figcaption></figure>")
+    if not flat:
+        wide = pictures.shared_view([built], apart=APART)
+        opened = Picture(built, data.after.contacts, colours, apart=APART)
+        words = f"<b>Taken apart.</b> Every part moved away from the middle, by {APART:.0%} of its distance."
+        drawn = pictures.draw(opened, wide, f"{built.name}, taken apart")
         panels.append(f"<figure>{drawn}<figcaption>{words}</figcaption></figure>")
     return section("pictures", "Input and result", f'{_controls(data)}<div class="figures">{"".join(panels)}</div>')
 
@@ -59,12 +69,12 @@ def _controls(data: ReportData) -> str:
     return f'<div class="controls needs-script">{picker}{boxes}</div>'
 
 
-def _panel(drawing: str, title: str, cases: tuple[CaseVerdict, ...]) -> str:
+def _panel(drawing: str, title: str, cases: tuple[CaseVerdict, ...], flat: bool) -> str:
     said = []
     for number, verdict in enumerate(cases):
         hidden = "" if number == 0 else ' style="display:none"'
         if verdict.result.stands:
-            words = "Arrows: contact forces on the later part of each pair, length ∝ √force."
+            words = "Arrows: contact forces on the later part of each pair, length ∝ √force." if flat else ""
         else:
             words = f"Dashed: how it would start to move. Moving: {listed(verdict.moving, 6)}."
         name = f"{case_mark(verdict)} {esc(case_words(verdict.case.name))}"
@@ -77,6 +87,8 @@ def case_mark(verdict: CaseVerdict) -> str:
     stands = decided(verdict)
     if stands is None:
         return badge("warn", "inaccurate")
+    if verdict.case.gravity is None:
+        return badge("ok", "holds") if stands else badge("bad", "comes apart")
     return badge("ok", "stands") if stands else badge("bad", "falls")
 
 

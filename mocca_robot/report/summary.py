@@ -164,6 +164,9 @@ def _margin(data: ReportData) -> str:
     if found is None or not math.isfinite(found[0]):
         return card("none", question, "Not measured", "No critical tilt was computed.")
     angle, azimuth, source = found
+    if _only_locking(data):
+        words = f"Nothing moves while the key is held. Let go, it stands up to a tilt of {degrees(angle)}."
+        return card("none", question, "Key held", words)
     flat = data.design.assembly.dimension == 2
     where = ("right" if math.cos(azimuth) >= 0 else "left") if flat else f"azimuth {degrees(azimuth, 0)}"
     words = f"smallest critical tilt, towards {where} (by {source}, no friction)"
