@@ -1,51 +1,44 @@
 """A plan for the whole build: for every part pick, transit, insertion along its cone's axis, release and retreat.
 
-Grasps and arm branches are tried until one works from tray to seat; a part that cannot be placed comes back with the
-reasons of all attempts.
+First the structure's side: where it stands, and for every part a way into its place between what stands already. Then
+the tray, every part turned so that the tool can take it as it is needed in its place. Then whole steps. A part that
+cannot be placed comes back with the reasons of all attempts, and the others are planned as if it had been placed.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly
-from mocca_robot.contacts import find_contacts
+from mocca_robot.assembly import Array
 from mocca_robot.design import Design, Insertion
 from mocca_robot.errors import InputError
 from mocca_robot.files.design_json import StoredDesign
-from mocca_robot.loads import LoadCase, state_cases
-from mocca_robot.ur.plan import Grasp, Move, MoveKind, Plan, Step, Waypoint
-from mocca_robot.ur.pose import three, transform
-from mocca_robot.verify import insertion_rim, solve_case, sweep_blockers
-from planners.arm_poses import branches, nearest_turn, trace
+from mocca_robot.ur.plan import Move, MoveKind, Plan, Step
+from planners.bench import Bench
 from planners.cell import RobotCell
-from planners.grasp import GraspPose, find_grasps, summary
-from planners.scene import Scene, straight
+from planners.falling_states import Fall, falls
+from planners.grasp import GraspPose, GraspSearch, count, find_grasps, summary
+from planners.pick import picks, reachable, tool_down
+from planners.scene import Scene
+from planners.seat import Seat, seats
 from planners.site import Site, site
-from planners.trajectory import joint_motion, line, line_motion, reversed_motion
+from planners.standing_place import carried_over, standings
+from planners.timed_step import FORCE_N, end, timed_step
+from planners.trajectory import joint_motion
 from planners.transit import connect
-from planners.tray import Tray, tray_layout
+from planners.tray import Tray, tray_layout, with_layout
 
-INSERT_M = 0.015
-"""The compliant part of the way in; before it the arm is guarded, and any contact stops it."""
-STANDOFFS_M = (0.045, 0.07, 0.1, 0.14, 0.2)
-"""How far from its place a part may begin its straight way in: the first that is clear of everything."""
-RETREATS_M = (0.08, 0.06, 0.04, 0.1, 0.14)
-PICK_M = 0.008
-"""The last part of the way to a part in the tray."""
-LIFTS_M = (0.06, 0.1, 0.04)
-SQUEEZE_M = 0.002
-"""Fingers are sent this much closer than the part is wide."""
-FORCE_N = 20.0
-FRACTIONS = (1.0, 0.75, 0.5, 0.25)
-"""Shares of the cone's half-angle that are tried as tolerance."""
-ATTEMPTS = 80
+ATTEMPTS = 60
 """Per part: grasps times branches that the arm can reach and that fit between the neighbours."""
-TRANSIT_FAILURES = 8
+TRANSIT_FAILURES = 6
+PLACES = 3
+"""Standing places that are looked at in full when some part finds no way into its place."""
+
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -59,6 +52,7 @@ class PartReport:
         reasons: why attempts failed, with their counts.
         grasp_width_m: of the grasp used.
         cone_rad, usable_rad: the part's cone, and how far from its axis the arm could insert instead: its tolerance.
+        out_of_reach: no grasp brings it to its place with any branch of the arm, whatever stands around.
     """
 
     part: str
@@ -69,14 +63,7 @@ class PartReport:
     grasp_width_m: float = 0.0
     cone_rad: float = 0.0
     usable_rad: float = 0.0
-
-
-@dataclass(frozen=True)
-class Fall:
-    """A state that falls when the gripper lets go: after `part` was placed, `moving` move."""
-
-    part: str
-    moving: tuple[str, ...]
+    out_of_reach: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,35 +72,23 @@ class BuildPlan:
 
     Attributes:
         plan: None when a state falls or a part cannot be placed.
-        reports: one per part that was planned; the last one tells what failed.
+        reports: one per part that was planned.
         falls: states that fall without declared supports.
-        out_of_reach: parts that no grasp brings to their place with any arm branch, whatever stands around.
+        cell: with the place, turn and tray that were chosen.
         site, tray: where everything stands.
     """
 
     plan: Plan | None
     reports: tuple[PartReport, ...]
     falls: tuple[Fall, ...]
-    out_of_reach: tuple[str, ...]
+    cell: RobotCell
     site: Site
     tray: Tray
 
-
-def falls(assembly: Assembly, friction: float = 0.0, supports: Collection[str] = ()) -> tuple[Fall, ...]:
-    """Return the states of the sequence that do not stand once the part is released; `supports` name parts that
-    something holds from the moment they are placed.
-    """
-    contacts = find_contacts(assembly).contacts
-    held_always = np.array([p.fixed or p.name in supports for p in assembly.parts])
-    found = []
-    for case, part in zip(state_cases(assembly), [p for p in assembly.parts if not p.fixed], strict=True):
-        held = case.held | held_always
-        if not (case.present & ~held).any():
-            continue
-        verdict = solve_case(assembly, contacts, LoadCase(case.name, case.gravity, case.present, held), friction)
-        if not verdict.result.stands:
-            found.append(Fall(part.name, verdict.moving))
-    return tuple(found)
+    @property
+    def out_of_reach(self) -> tuple[str, ...]:
+        """Return the parts that no grasp brings to their place with any arm branch, whatever stands around."""
+        return tuple(r.part for r in self.reports if r.out_of_reach)
 
 
 def build_plan(
@@ -125,42 +100,36 @@ def build_plan(
     supports: Sequence[str] = (),
     seed: int = 0,
     design_path: str | None = None,
+    progress: Progress = lambda text: None,
 ) -> BuildPlan:
     """Return a plan that builds `design` in `cell`, with what was found for every part.
 
-    `supports` are parts that stand by other means once placed; InputError for names that are no parts, and when the
-    tray is too small.
+    `supports` are parts that stand by other means once placed, besides those that the cell declares; InputError for
+    names that are no parts, and when the tray is too small. `progress` is told what is being done.
     """
+    names = [p.name for p in design.assembly.parts if not p.fixed]
+    if not names:
+        raise InputError(f"'{design.assembly.name}' has no free parts: there is nothing to build.")
+    declared = tuple(names) if cell.supports == ("all",) else cell.supports
+    supports = tuple(dict.fromkeys([*declared, *supports]))
     for name in supports:
         design.assembly.index(name)
     where = site(design.assembly, cell)
-    tray = tray_layout(where, cell)
     fallen = falls(design.assembly, friction, supports)
-    unreachable = out_of_reach(where, cell)
-    if fallen or unreachable:
-        return BuildPlan(None, (), fallen, unreachable, where, tray)
-    bench = _Bench(cell, where, tray, Scene(cell, where), np.random.default_rng(seed))
+    if fallen:
+        return BuildPlan(None, (), fallen, cell, where, tray_layout(where, cell))
     insertions = {i.part: i for i in design.insertion}
-    steps: list[Step] = []
-    reports: list[PartReport] = []
-    at = np.array(cell.home)
-    for body in where.bodies:
-        bench.scene.place(body.name, straight(tray.offsets.get(body.name, np.zeros(3))))
-    for index, part in enumerate(where.assembly.parts):
-        if part.fixed:
-            continue
-        started = time.perf_counter()
-        found = _placed(bench, index, insertions.get(part.name), at)
-        report = found.report(part.name, time.perf_counter() - started)
-        reports.append(report)
-        if found.step is None:
-            return BuildPlan(None, tuple(reports), (), (), where, tray)
-        steps.append(found.step)
-        at = np.array(found.step.moves[-1].path[-1].q)
-        bench.scene.place(part.name, np.eye(4))
-    if not steps:
-        raise InputError(f"'{design.assembly.name}' has no free parts: there is nothing to build.")
-    steps[-1] = _homeward(bench, steps[-1])
+    search = _Search(insertions, seed)
+    bench, turns = _structure_side(where, cell, search, progress)
+    tray = tray_layout(bench.site, cell, turns)
+    cell = with_layout(bench.cell, bench.site, tray)
+    bench.cell = cell
+    bench.clear(tray)
+    steps = _steps(bench, search, progress)
+    reports = tuple(search.reports[n] for n in names)
+    if len(steps) < len(names):
+        return BuildPlan(None, reports, (), cell, bench.site, tray)
+    steps[-1] = _homeward(bench, steps[-1], seed)
     plan = Plan(
         design_sha256,
         cell.model.name,
@@ -168,346 +137,193 @@ def build_plan(
         cell.execution,
         tuple(steps),
         design=design_path,
-        supports=tuple(supports),
+        supports=supports,
     )
-    return BuildPlan(plan, tuple(reports), (), (), where, tray)
-
-
-def out_of_reach(where: Site, cell: RobotCell) -> tuple[str, ...]:
-    """Return the parts that no grasp brings to their place with any branch of the arm, even in an empty cell."""
-    back = np.linalg.inv(transform(cell.gripper.tcp_offset))
-    names = []
-    for index, body in enumerate(where.bodies):
-        if body.fixed:
-            continue
-        grasps = find_grasps(where, index, cell).grasps
-        if grasps and not any(branches(cell.model, g.tcp @ back) for g in grasps):
-            names.append(body.name)
-    return tuple(names)
+    return BuildPlan(plan, reports, (), cell, bench.site, tray)
 
 
 @dataclass
-class _Bench:
-    cell: RobotCell
-    site: Site
-    tray: Tray
-    scene: Scene
-    rng: np.random.Generator
+class _Search:
+    """What is known so far, by part name."""
 
-    def free(self, q: Array, opening_m: float, grip: Array | None = None) -> str:
-        """Return '' or what is wrong with a configuration."""
-        if (np.abs(q) > np.asarray(self.cell.model.joint_limit_rad)).any():
-            return "a joint at its limit"
-        tcp = self.cell.model.tcp_matrix(q, self.cell.gripper.tcp_offset)[:3, 3]
-        low, high = self.cell.workspace_m
-        if (tcp < low).any() or (tcp > high).any():
-            return "outside the workspace box"
-        return self.scene.hit(q, opening_m, grip)
+    insertions: dict[str, Insertion]
+    seed: int
+    found: dict[str, GraspSearch] = field(default_factory=dict)
+    grasps: dict[str, list[GraspPose]] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    reports: dict[str, PartReport] = field(default_factory=dict)
+
+    def spent(self, part: str, since: float) -> None:
+        self.seconds[part] = self.seconds.get(part, 0.0) + time.perf_counter() - since
+
+
+def _structure_side(
+    where: Site, cell: RobotCell, search: _Search, progress: Progress
+) -> tuple[Bench, dict[str, Array]]:
+    """Return the bench with the structure in the place where most parts find a way in, and how each part that does
+    should lie in the tray.
+    """
+    for index, body in enumerate(where.bodies):
+        if body.fixed:
+            continue
+        started = time.perf_counter()
+        rng = np.random.default_rng([search.seed, index])
+        search.found[body.name] = find_grasps(where, index, cell, rng=rng)
+        search.spent(body.name, started)
+        progress(f"grasps of {body.name}")
+    order = [b.name for b in where.bodies if not b.fixed]
+    ranked = standings(where, cell, [search.found[n].grasps for n in order])
+    best: tuple[int, Bench, dict[str, Array], dict[str, list[GraspPose]]] | None = None
+    for standing in ranked[:PLACES]:
+        grasps = {n: carried_over(search.found[n].grasps, where, standing.site) for n in order}
+        bench = Bench(standing.cell, standing.site, Scene(standing.cell, standing.site))
+        bench.clear(None)
+        turns = {}
+        for body in standing.site.bodies:
+            if body.fixed:
+                continue
+            started = time.perf_counter()
+            seat = _first_seat(bench, search, body.name, grasps[body.name])
+            if seat is not None:
+                turns[body.name] = tool_down(seat) if where.assembly.dimension == 3 else np.eye(3)
+            bench.scene.place(body.name, np.eye(4))
+            search.spent(body.name, started)
+            progress(f"a way into its place for {body.name}")
+        if best is None or len(turns) > best[0]:
+            best = len(turns), bench, turns, grasps
+        if len(turns) == len(order):
+            break
+    assert best is not None
+    search.grasps = best[3]
+    return best[1], best[2]
+
+
+def _first_seat(bench: Bench, search: _Search, name: str, grasps: Sequence[GraspPose]) -> Seat | None:
+    insertion = search.insertions.get(name)
+    if insertion is None:
+        return None
+    direction = bench.site.turn @ insertion.direction
+    return next(seats(bench, name, grasps, direction, np.array(bench.cell.home), {}), None)
+
+
+def _steps(bench: Bench, search: _Search, progress: Progress) -> list[Step]:
+    """Return the steps that were found, in order; every part is reported."""
+    steps: list[Step] = []
+    at = np.array(bench.cell.home)
+    for index, body in enumerate(bench.site.bodies):
+        if body.fixed:
+            continue
+        started = time.perf_counter()
+        attempt = _Attempt(bench, index, search, at)
+        step = attempt.step()
+        search.spent(body.name, started)
+        search.reports[body.name] = attempt.report(search.seconds[body.name])
+        if step is not None:
+            steps.append(step)
+            at = end(step.moves[-1].path)
+        bench.scene.place(body.name, np.eye(4))
+        progress(f"{body.name} planned" if step is not None else f"{body.name} cannot be placed")
+    return steps
 
 
 @dataclass
 class _Attempt:
-    step: Step | None = None
+    """The search for one part's step; the arm starts at `at`."""
+
+    bench: Bench
+    index: int
+    search: _Search
+    at: Array
+    placed: bool = False
     attempts: int = 0
-    reasons: dict[str, int] = field(default_factory=dict)
-    width_m: float = 0.0
-    cone_rad: float = 0.0
-    usable_rad: float = 0.0
     transit_failures: int = 0
+    width_m: float = 0.0
+    usable_rad: float = 0.0
+    reasons: dict[str, int] = field(default_factory=dict)
 
-    def failed(self, reason: str) -> None:
-        self.reasons[reason] = self.reasons.get(reason, 0) + 1
+    def step(self) -> Step | None:
+        """Return the first step found: ways into the place, best first, each with ways to take the part."""
+        bench, name = self.bench, self.bench.site.bodies[self.index].name
+        insertion = self.search.insertions.get(name)
+        if insertion is None:
+            count(self.reasons, "the design has no insertion direction for it")
+            return None
+        for reason, times in self.search.found[name].rejected.items():
+            count(self.reasons, f"no grasp: {reason}", times)
+        grasps = self.search.grasps[name]
+        direction = bench.site.turn @ insertion.direction
+        usable = reachable(bench, name, grasps) if grasps else None
+        for seat in seats(bench, name, grasps, direction, self.at, self.reasons, usable):
+            self.attempts += 1
+            for pick in picks(bench, name, seat, self.reasons):
+                found = self._transits(name, seat, pick.q_above, pick.q_lifted, pick.flange)
+                if found is None:
+                    if self.transit_failures >= TRANSIT_FAILURES:
+                        return None
+                    continue
+                timed = timed_step(bench, self.index, insertion, direction, seat, pick, *found)
+                if timed.step is not None:
+                    self.placed, self.usable_rad, self.width_m = True, timed.usable_rad, seat.grasp.width_m
+                    return timed.step
+                count(self.reasons, f"timing: {timed.reason}")
+            if self.attempts >= ATTEMPTS:
+                return None
+        return None
 
-    def report(self, part: str, seconds: float) -> PartReport:
+    def _transits(
+        self, name: str, seat: Seat, q_above: Array, q_lifted: Array, pick: Array
+    ) -> tuple[list[Array], list[Array]] | None:
+        """Return the corners of the ways to the tray and on to the structure."""
+        bench = self.bench
+        limit = np.asarray(bench.cell.model.joint_limit_rad)
+        opened, closed = seat.grasp.width_m + bench.cell.gripper.opening_m, seat.grasp.width_m
+        waiting = bench.waiting(name)
+        seed = 2 * (self.search.seed + 1000 * self.index + self.transit_failures)
+        bench.scene.roles(carried=name)
+        grip: Array = np.linalg.inv(pick) @ waiting
+        to_seat = connect(q_lifted, seat.q_before, lambda q: not bench.free(q, closed, grip), limit, seed)
+        bench.scene.place(name, waiting)
+        bench.scene.roles()
+        if to_seat is None:
+            count(self.reasons, "transit to the structure: no way found")
+            self.transit_failures += 1
+            return None
+        to_tray = connect(self.at, q_above, lambda q: not bench.free(q, opened), limit, seed + 1)
+        if to_tray is None:
+            count(self.reasons, f"transit to the tray: {bench.free(self.at, opened) or 'no way found'}")
+            self.transit_failures += 1
+            return None
+        return to_tray, to_seat
+
+    def report(self, seconds: float) -> PartReport:
+        """Return how it went."""
+        name = self.bench.site.bodies[self.index].name
+        insertion = self.search.insertions.get(name)
+        seen = [r for r in self.reasons if not r.startswith("no grasp")]
+        far = not self.placed and bool(seen) and all(r == "seat: out of the arm's reach" for r in seen)
         return PartReport(
-            part,
-            self.step is not None,
+            name,
+            self.placed,
             seconds,
             self.attempts,
             summary(self.reasons),
             self.width_m,
-            self.cone_rad,
+            max(0.0, insertion.alpha_rad) if insertion else 0.0,
             self.usable_rad,
+            far,
         )
 
 
-def _placed(bench: _Bench, index: int, insertion: Insertion | None, at: Array) -> _Attempt:
-    """Try grasps, branches and stand-offs for one part, best first, until a whole way is found."""
-    out = _Attempt()
-    name = bench.site.assembly.parts[index].name
-    if insertion is None:
-        out.failed("the design has no insertion direction for it")
-        return out
-    search = find_grasps(bench.site, index, bench.cell, rng=bench.rng)
-    out.reasons.update({f"no grasp: {r}": n for r, n in search.rejected.items()})
-    if not search.grasps:
-        return out
-    back = np.linalg.inv(transform(bench.cell.gripper.tcp_offset))
-    direction = bench.site.turn @ insertion.direction
-    out.cone_rad = max(0.0, insertion.alpha_rad)
-    for grasp in search.grasps:
-        seat = grasp.tcp @ back
-        options = [nearest_turn(bench.cell.model, q, at) for q in branches(bench.cell.model, seat)]
-        if not options:
-            out.failed("seat: out of the arm's reach")
-        for q in sorted(options, key=lambda o: float(np.abs(o - at).max())):
-            if out.attempts >= ATTEMPTS or out.transit_failures >= TRANSIT_FAILURES:
-                return out
-            ways = _ways(bench, name, grasp, seat, q, direction, at, out)
-            if ways is None:
-                continue
-            out.width_m = grasp.width_m
-            out.step = _step(bench, index, insertion, direction, grasp, ways, out)
-            if out.step is not None:
-                return out
-    return out
-
-
-@dataclass(frozen=True, eq=False)
-class _Ways:
-    """The corners of a step: joint-space transits and the flange poses and joints between which lines run."""
-
-    to_tray: list[Array]
-    pick: Array
-    q_above: Array
-    q_pick: Array
-    lift: Array
-    to_seat: list[Array]
-    seat: Array
-    q_seat: Array
-    standoff_m: float
-    retreat: Array
-
-
-def _ways(
-    bench: _Bench, name: str, grasp: GraspPose, seat: Array, q_seat: Array, direction: Array, at: Array, out: _Attempt
-) -> _Ways | None:
-    opened = grasp.width_m + bench.cell.gripper.opening_m
-    closed = grasp.width_m
-    model, scene = bench.cell.model, bench.scene
-    grip = np.asarray(np.linalg.inv(seat), dtype=np.float64)
-    tool = seat[:3, 2]
-
-    scene.place(name, np.eye(4))
-    scene.roles(grasped=name)
-    for opening in (opened, closed):
-        reason = bench.free(q_seat, opening)
-        if reason:
-            out.failed(f"seat: {reason}")
-            scene.place(name, straight(bench.tray.offsets[name]))
-            return None
-    retreat = next((r for r in RETREATS_M if not _blocked(bench, seat, -r * tool, q_seat, opened)), None)
-    scene.place(name, straight(bench.tray.offsets[name]))
-    out.attempts += 1
-    if retreat is None:
-        out.failed(f"retreat: {_blocked(bench, seat, -RETREATS_M[2] * tool, q_seat, opened) or 'blocked'}")
-        return None
-
-    scene.roles(carried=name)
-    standoff, reason = None, ""
-    for distance in STANDOFFS_M:
-        flanges = line(seat, -distance * direction, 30)
-        joints, reason = trace(model, flanges, q_seat)
-        reason = reason or bench.free(joints[-1], closed, grip)
-        if not reason:
-            scene.roles(absent=(name,))
-            reason = next((r for q in joints if (r := bench.free(q, closed))), "")
-            scene.roles(carried=name)
-        if not reason:
-            standoff = distance
-            break
-    if standoff is None:
-        out.failed(f"insertion: {reason}")
-        return None
-    q_before = joints[-1]
-
-    shift = bench.tray.offsets[name]
-    pick = straight(shift) @ seat
-    for q_pick in sorted(
-        (nearest_turn(model, q, q_before) for q in branches(model, pick)),
-        key=lambda o: float(np.abs(o - q_before).max()),
-    ):
-        found = _from_tray(bench, name, grasp, pick, q_pick, q_before, at, out)
-        if found is not None:
-            q_above, lift, to_tray, to_seat = found
-            return _Ways(to_tray, pick, q_above, q_pick, lift, to_seat, seat, q_seat, standoff, -retreat * tool)
-    return None
-
-
-def _from_tray(
-    bench: _Bench, name: str, grasp: GraspPose, pick: Array, q_pick: Array, q_before: Array, at: Array, out: _Attempt
-) -> tuple[Array, Array, list[Array], list[Array]] | None:
-    """Return the joints above the part, the lift, and the transits to the tray and on to the seat."""
-    opened = grasp.width_m + bench.cell.gripper.opening_m
-    closed = grasp.width_m
-    scene, model = bench.scene, bench.cell.model
-    grip: Array = np.linalg.inv(pick) @ straight(bench.tray.offsets[name])
-    scene.place(name, straight(bench.tray.offsets[name]))
-    scene.roles(grasped=name)
-    reason = bench.free(q_pick, opened) or _blocked(bench, pick, -0.07 * pick[:3, 2], q_pick, opened)
-    if reason:
-        out.failed(f"pick: {reason}")
-        return None
-    joints, _ = trace(model, line(pick, -0.07 * pick[:3, 2], 24), q_pick)
-    q_above = joints[-1]
-    scene.roles(carried=name)
-    lift = None
-    for height in LIFTS_M:
-        reason = _blocked(bench, pick, np.array([0.0, 0.0, height]), q_pick, closed, grip)
-        if not reason:
-            lift = np.array([0.0, 0.0, height])
-            break
-    if lift is None:
-        out.failed(f"lift: {reason}")
-        return None
-    q_lifted = trace(model, line(pick, lift, 24), q_pick)[0][-1]
-    limit = np.asarray(model.joint_limit_rad)
-    to_seat = connect(q_lifted, q_before, lambda q: not bench.free(q, closed, grip), limit, bench.rng)
-    scene.place(name, straight(bench.tray.offsets[name]))
-    if to_seat is None:
-        out.failed("transit to the structure: no way found")
-        out.transit_failures += 1
-        return None
-    scene.roles()
-    to_tray = connect(at, q_above, lambda q: not bench.free(q, opened), limit, bench.rng)
-    if to_tray is None:
-        reason = bench.free(at, opened)
-        out.failed(f"transit to the tray: {reason or 'no way found'}")
-        out.transit_failures += 1
-        return None
-    return q_above, lift, to_tray, to_seat
-
-
-def _blocked(
-    bench: _Bench, start: Array, travel: Array, q_start: Array, opening_m: float, grip: Array | None = None
-) -> str:
-    """Return '' or why the tool cannot go straight from flange pose `start` by `travel`."""
-    joints, reason = trace(bench.cell.model, line(start, travel, 24), q_start)
-    if reason:
-        return reason
-    return next((r for q in joints if (r := bench.free(q, opening_m, grip))), "")
-
-
-def _step(
-    bench: _Bench,
-    index: int,
-    insertion: Insertion,
-    direction: Array,
-    grasp: GraspPose,
-    ways: _Ways,
-    out: _Attempt,
-) -> Step | None:
-    """Return the timed step through the corners of `ways`."""
-    cell = bench.cell
-    limits = cell.limits
-    part = bench.site.bodies[index]
-    opened = grasp.width_m + cell.gripper.opening_m
-    closed = max(cell.gripper.stroke_m[0], grasp.width_m - SQUEEZE_M)
-    slow, gentle = limits.approach_speed_m_s, limits.transfer_acceleration_m_s2
-    tool = ways.pick[:3, 2]
-
-    def moved(start: Array, travel: Array, q: Array, speed: float, acceleration: float) -> tuple[Waypoint, ...]:
-        path, reason = line_motion(cell, start, travel, q, speed, acceleration)
-        if reason:
-            out.failed(f"timing: {reason}")
-        return path
-
-    above = straight(-0.07 * tool) @ ways.pick
-    near = straight(-PICK_M * tool) @ ways.pick
-    approach = moved(above, (0.07 - PICK_M) * tool, ways.q_above, slow, gentle)
-    pick = approach and moved(near, PICK_M * tool, _end(approach), slow, gentle)
-    lift = pick and moved(ways.pick, ways.lift, _end(pick), slow, gentle)
-    to_seat = lift and joint_motion(cell, [_end(lift), *ways.to_seat[1:]])
-    before = straight(-ways.standoff_m * direction) @ ways.seat
-    entry = straight(-INSERT_M * direction) @ ways.seat
-    inward = to_seat and moved(before, (ways.standoff_m - INSERT_M) * direction, _end(to_seat), slow, gentle)
-    insert = inward and moved(
-        entry, INSERT_M * direction, _end(inward), limits.insert_speed_m_s, limits.insert_acceleration_m_s2
-    )
-    retreat = insert and moved(ways.seat, ways.retreat, _end(insert), slow, gentle)
-    if not retreat:
-        return None
-    q_seat = _end(insert)
-    out.usable_rad, alternatives = _tolerance(bench, index, direction, out.cone_rad, ways.seat, q_seat, grasp)
-    rest = Waypoint(0.0, insert[-1].q, insert[-1].tcp)
-    force = min(FORCE_N, limits.abort_force_n)
-    fast = limits.transfer_speed_m_s
-    moves: tuple[Move, ...] = (
-        Move(MoveKind.TRANSIT, joint_motion(cell, ways.to_tray), fast, force, opened),
-        Move(MoveKind.APPROACH, approach, slow, force, opened),
-        Move(MoveKind.PICK, pick, slow, force, closed),
-        Move(MoveKind.LIFT, lift, slow, force, closed),
-        Move(MoveKind.TRANSIT, to_seat, fast, force, closed),
-        Move(MoveKind.APPROACH, inward, slow, force, closed),
-        Move(MoveKind.INSERT, insert, limits.insert_speed_m_s, force, closed, alternatives),
-        Move(MoveKind.RELEASE, (rest,), slow, force, opened),
-        Move(MoveKind.RETREAT, retreat, slow, force, opened),
-    )
-    moves = tuple(m for m in moves if len(m.path) > 1 or m.kind is MoveKind.RELEASE)
-    cog = (np.linalg.inv(ways.seat) @ np.append(part.centroid, 1.0))[:3]
-    held = Grasp(
-        grasp.width_m,
-        part.mass_kg,
-        three(cog),
-        cell.gripper.force_n,
-        {"cone_usable_deg": float(np.rad2deg(out.usable_rad)), "tray_offset_m": bench.tray.offsets[part.name].tolist()},
-    )
-    return Step(part.name, held, moves, three(direction), out.cone_rad)
-
-
-def _end(path: Sequence[Waypoint]) -> Array:
-    return np.array(path[-1].q)
-
-
-def _tolerance(
-    bench: _Bench, index: int, direction: Array, cone_rad: float, seat: Array, q_seat: Array, grasp: GraspPose
-) -> tuple[float, tuple[tuple[Waypoint, ...], ...]]:
-    """Return how far from the cone's axis the arm could insert on every side, and paths at half of that."""
-    name = bench.site.assembly.parts[index].name
-    bench.scene.roles(absent=(name,))
-    for fraction in FRACTIONS:
-        if all(p for p in _rim_paths(bench, index, direction, fraction * cone_rad, seat, q_seat, grasp)):
-            usable = fraction * cone_rad
-            paths = list(_rim_paths(bench, index, direction, 0.5 * usable, seat, q_seat, grasp))
-            return usable, tuple(p for p in paths if p)
-    return 0.0, ()
-
-
-def _rim_paths(
-    bench: _Bench, index: int, direction: Array, angle_rad: float, seat: Array, q_seat: Array, grasp: GraspPose
-) -> Iterator[tuple[Waypoint, ...]]:
-    """Yield the way in along each direction of the cone's rim: empty where it is blocked."""
-    cell, turn = bench.cell, bench.site.turn
-    limits = cell.limits
-    if angle_rad <= 0.0:
-        return
-    for way in insertion_rim(-direction @ turn, angle_rad, 4)[1:]:
-        if sweep_blockers(bench.site.assembly, index, way[None]):
-            yield ()
-            continue
-        path, reason = line_motion(
-            cell, seat, INSERT_M * (turn @ way), q_seat, limits.insert_speed_m_s, limits.insert_acceleration_m_s2
-        )
-        blocked = reason or next((r for w in path if (r := bench.free(np.array(w.q), grasp.width_m))), "")
-        yield () if blocked else reversed_motion(path)
-
-
-def _homeward(bench: _Bench, step: Step) -> Step:
+def _homeward(bench: Bench, step: Step, seed: int) -> Step:
     """Return the last step with the way home, if there is one."""
-    scene = bench.scene
-    scene.roles()
-    at = _end(step.moves[-1].path)
+    bench.scene.roles()
+    at = end(step.moves[-1].path)
     opening = step.moves[-1].gripper_m
     limit = np.asarray(bench.cell.model.joint_limit_rad)
-    way = connect(at, np.array(bench.cell.home), lambda q: not bench.free(q, opening), limit, bench.rng)
+    way = connect(at, np.array(bench.cell.home), lambda q: not bench.free(q, opening), limit, seed)
     if way is None:
         return step
     limits = bench.cell.limits
-    move = Move(
-        MoveKind.TRANSIT,
-        joint_motion(bench.cell, way),
-        limits.transfer_speed_m_s,
-        min(FORCE_N, limits.abort_force_n),
-        opening,
-    )
-    return Step(step.part, step.grasp, (*step.moves, move), step.direction, step.alpha_rad)
+    force = min(FORCE_N, limits.abort_force_n)
+    move = Move(MoveKind.TRANSIT, joint_motion(bench.cell, way), limits.transfer_speed_m_s, force, opening)
+    return replace(step, moves=(*step.moves, move))

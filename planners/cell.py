@@ -16,33 +16,18 @@ from mocca_robot.files.documents import parse_yaml, read_text
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.models import RobotModel, robot_model
 from mocca_robot.ur.plan import Cell, Plan
-from mocca_robot.ur.plan_reader import GRIPPERS
-from mocca_robot.ur.pose import Six, six, three
+from mocca_robot.ur.pose import three
+from planners.tool import Gripper, box, needed, read_gripper
 
 
 @dataclass(frozen=True, eq=False)
-class Gripper:
-    """A parallel gripper that closes along y of the flange's frame.
-
-    Attributes:
-        tcp_offset: the point between the pads, flange frame.
-        stroke_m: smallest and largest opening.
-        palm_m: (2, 3) corners of the box around the hand, flange frame.
-        finger_m: (2, 3) corners of the box around one finger, pads left out, when closed; the other mirrors it in y.
-        pad_radius_m: of the pads, which touch each other when closed; a part must cover them.
-        opening_m: how much wider than the part the fingers open before and after the grasp.
+class TrayPlace:
+    """Where a part waits: the middle of its footprint `at_m` (2,), and the rotation vector `turn_rad` (3,) that turns
+    it from how it will stand in the structure.
     """
 
-    name: str
-    tcp_offset: Six
-    mass_kg: float
-    cog_m: tuple[float, float, float]
-    stroke_m: tuple[float, float]
-    palm_m: Array
-    finger_m: Array
-    pad_radius_m: float
-    opening_m: float
-    force_n: float
+    at_m: Array
+    turn_rad: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +36,14 @@ class RobotCell:
 
     Attributes:
         table_m, workspace_m: (2, 3) corners of boxes.
-        build_origin_m: (3,), the point of the table below the middle of the structure.
+        build_origin_m: (3,), the point below the middle of the structure; above the table, a plinth carries it.
         build_yaw_rad: turn of the structure about z.
+        places_m, yaws_rad: what planning may choose origin and turn from; no more than those two where they are given.
         build_size_m: longest side of the structure after scaling; None keeps the design's own size.
         thickness_m: of flat parts; None keeps the design's.
+        supports: parts that something else holds once they are placed; `("all",)` for every part.
         tray_m: (2, 2) corners of the tray in the horizontal; parts stand `nest_m` above the table, `gap_m` apart.
+        tray_places: where parts wait, by name; empty when the layout is generated.
         home: joint angles (6,) where a build begins and ends.
         document: the file's content, from which a plan lets the cell be read again.
     """
@@ -68,11 +56,15 @@ class RobotCell:
     workspace_m: Array
     build_origin_m: Array
     build_yaw_rad: float
+    places_m: tuple[Array, ...]
+    yaws_rad: tuple[float, ...]
     build_size_m: float | None
     thickness_m: float | None
+    supports: tuple[str, ...]
     tray_m: Array
     nest_m: float
     gap_m: float
+    tray_places: Mapping[str, TrayPlace]
     home: Array
     limits: Limits
     document: Mapping[str, Any] = field(default_factory=dict)
@@ -80,7 +72,18 @@ class RobotCell:
     @property
     def execution(self) -> Cell:
         """Return what a plan records about the cell: what execution obeys, and the whole description beside it."""
-        build = {**self.document.get("build", {}), "size_m": self.build_size_m, "thickness_m": self.thickness_m}
+        build = {
+            **self.document.get("build", {}),
+            "origin_m": self.build_origin_m.tolist(),
+            "yaw_deg": float(np.rad2deg(self.build_yaw_rad)),
+            "size_m": self.build_size_m,
+            "thickness_m": self.thickness_m,
+        }
+        places = {
+            name: {"at_m": place.at_m.tolist(), "turn_deg": np.rad2deg(place.turn_rad).tolist()}
+            for name, place in self.tray_places.items()
+        }
+        tray = {**self.document.get("tray", {}), **({"parts": places} if places else {})}
         return Cell(
             name=self.name,
             tcp_offset=self.gripper.tcp_offset,
@@ -93,16 +96,15 @@ class RobotCell:
             extra={
                 "table_m": self.table_m.tolist(),
                 "tray_m": self.tray_m.tolist(),
-                "description": {**self.document, "build": build},
+                "description": {**self.document, "build": build, "tray": tray},
             },
         )
 
 
 _KEYS = ("name", "serial", "robot", "gripper", "table_m", "workspace_m", "build", "tray", "home_deg", "limits")
-_GRIPPER_KEYS = (
-    *("name", "tcp_offset_m", "mass_kg", "cog_m", "stroke_m", "palm_m", "finger_m", "pad_radius_m"),
-    *("opening_m", "force_n"),
-)
+_BUILD_KEYS = ("origin_m", "yaw_deg", "size_m", "thickness_m", "supports")
+AUTO_YAWS = 12
+"""Turns of the structure that `yaw_deg: auto` chooses from."""
 
 
 def read_cell(path: Path | str) -> RobotCell:
@@ -122,66 +124,62 @@ def cell_of(plan: Plan) -> RobotCell:
 def cell_from_document(content: object, where: str) -> RobotCell:
     """Return the cell that a parsed file describes; `where` names it in errors."""
     raw = fields.mapping(content, where, _KEYS)
-    build = fields.mapping(
-        _needed(raw, "build", where), f"{where}: build", ("origin_m", "yaw_deg", "size_m", "thickness_m")
-    )
-    tray = fields.mapping(_needed(raw, "tray", where), f"{where}: tray", ("low_m", "high_m", "nest_m", "gap_m"))
-    model = robot_model(str(_needed(raw, "robot", where)))
+    build = fields.mapping(needed(raw, "build", where), f"{where}: build", _BUILD_KEYS)
+    tray = fields.mapping(needed(raw, "tray", where), f"{where}: tray", ("low_m", "high_m", "nest_m", "gap_m", "parts"))
+    model = robot_model(str(needed(raw, "robot", where)))
+    places = _places(needed(build, "origin_m", where), f"{where}: build.origin_m")
+    yaws = _yaws(build.get("yaw_deg", 0.0), f"{where}: build.yaw_deg")
     return RobotCell(
-        name=fields.part_name(_needed(raw, "name", where), f"{where}: name"),
+        name=fields.part_name(needed(raw, "name", where), f"{where}: name"),
         serial=fields.part_name(raw["serial"], f"{where}: serial") if raw.get("serial") is not None else None,
         model=model,
-        gripper=_gripper(
-            fields.mapping(_needed(raw, "gripper", where), f"{where}: gripper", _GRIPPER_KEYS), f"{where}: gripper"
-        ),
-        table_m=_box(_needed(raw, "table_m", where), f"{where}: table_m", 3),
-        workspace_m=_box(_needed(raw, "workspace_m", where), f"{where}: workspace_m", 3),
-        build_origin_m=fields.vector(_needed(build, "origin_m", where), f"{where}: build.origin_m", (3,)),
-        build_yaw_rad=float(np.deg2rad(fields.number(build.get("yaw_deg", 0.0), f"{where}: build.yaw_deg"))),
+        gripper=read_gripper(needed(raw, "gripper", where), f"{where}: gripper"),
+        table_m=box(needed(raw, "table_m", where), f"{where}: table_m", 3),
+        workspace_m=box(needed(raw, "workspace_m", where), f"{where}: workspace_m", 3),
+        build_origin_m=places[0],
+        build_yaw_rad=yaws[0],
+        places_m=places,
+        yaws_rad=yaws,
         build_size_m=_optional(build, "size_m", f"{where}: build"),
         thickness_m=_optional(build, "thickness_m", f"{where}: build"),
-        tray_m=_box([_needed(tray, "low_m", where), _needed(tray, "high_m", where)], f"{where}: tray", 2),
+        supports=fields.names(build["supports"], f"{where}: build.supports") if build.get("supports") else (),
+        tray_m=box([needed(tray, "low_m", where), needed(tray, "high_m", where)], f"{where}: tray", 2),
         nest_m=fields.number(tray.get("nest_m", 0.015), f"{where}: tray.nest_m", 0.0, 0.2),
         gap_m=fields.number(tray.get("gap_m", 0.045), f"{where}: tray.gap_m", 0.0, 1.0),
-        home=read_only(np.deg2rad(fields.vector(_needed(raw, "home_deg", where), f"{where}: home_deg", (6,)))),
+        tray_places=_tray_places(tray.get("parts") or {}, f"{where}: tray.parts"),
+        home=read_only(np.deg2rad(fields.vector(needed(raw, "home_deg", where), f"{where}: home_deg", (6,)))),
         limits=Limits().lowered(fields.mapping(raw.get("limits", {}), f"{where}: limits")),
         document=raw,
     )
 
 
-def _gripper(raw: dict[str, Any], where: str) -> Gripper:
-    stroke = fields.vector(_needed(raw, "stroke_m", where), f"{where}.stroke_m", (2,))
-    if not 0.0 <= stroke[0] < stroke[1]:
-        raise InputError(f"{where}.stroke_m is {stroke.tolist()}; give the smallest opening, then the largest.")
-    offset = fields.vector(_needed(raw, "tcp_offset_m", where), f"{where}.tcp_offset_m", (3,))
-    return Gripper(
-        name=fields.choice(raw.get("name", "2f85"), GRIPPERS, f"{where}.name"),
-        tcp_offset=six([*offset, 0.0, 0.0, 0.0]),
-        mass_kg=fields.number(_needed(raw, "mass_kg", where), f"{where}.mass_kg", 0.0, 30.0),
-        cog_m=three(fields.vector(raw.get("cog_m", [0, 0, 0]), f"{where}.cog_m", (3,))),
-        stroke_m=(float(stroke[0]), float(stroke[1])),
-        palm_m=_box(_needed(raw, "palm_m", where), f"{where}.palm_m", 3),
-        finger_m=_box(_needed(raw, "finger_m", where), f"{where}.finger_m", 3),
-        pad_radius_m=fields.number(raw.get("pad_radius_m", 0.006), f"{where}.pad_radius_m", 0.0, 0.1),
-        opening_m=fields.number(raw.get("opening_m", 0.012), f"{where}.opening_m", 0.002, 0.1),
-        force_n=fields.number(raw.get("force_n", 20.0), f"{where}.force_n", 1.0, 235.0),
-    )
+def _places(value: object, where: str) -> tuple[Array, ...]:
+    """Return one place or several to choose from."""
+    several = value if isinstance(value, list) and value and isinstance(value[0], list) else [value]
+    return tuple(read_only(fields.vector(v, where, (3,))) for v in several)
 
 
-def _needed(raw: dict[str, Any], key: str, where: str) -> Any:
-    if raw.get(key) is None:
-        raise InputError(f"{where} has no '{key}'; compare it with configs/cells/ur5e_2f85.yaml.")
-    return raw[key]
+def _yaws(value: object, where: str) -> tuple[float, ...]:
+    if value == "auto":
+        return tuple(float(a) for a in np.arange(AUTO_YAWS) * (2 * np.pi / AUTO_YAWS))
+    several = value if isinstance(value, list) and value else [value]
+    return tuple(float(np.deg2rad(fields.number(v, where))) for v in several)
+
+
+def _tray_places(value: object, where: str) -> dict[str, TrayPlace]:
+    out = {}
+    for name, entry in fields.mapping(value, where).items():
+        here = f"{where}.{name}"
+        raw = fields.mapping(entry, here, ("at_m", "yaw_deg", "turn_deg"))
+        turn = np.deg2rad(fields.vector(raw.get("turn_deg", [0, 0, 0]), f"{here}.turn_deg", (3,)))
+        if raw.get("yaw_deg") is not None:
+            if raw.get("turn_deg") is not None:
+                raise InputError(f"{here} has 'yaw_deg' and 'turn_deg'; give one: a yaw is a turn about [0, 0, 1].")
+            turn = np.array([0.0, 0.0, np.deg2rad(fields.number(raw["yaw_deg"], f"{here}.yaw_deg"))])
+        at = fields.vector(needed(raw, "at_m", here), f"{here}.at_m", (2,))
+        out[fields.part_name(name, where)] = TrayPlace(read_only(at), read_only(turn))
+    return out
 
 
 def _optional(raw: dict[str, Any], key: str, where: str) -> float | None:
     return None if raw.get(key) is None else fields.number(raw[key], f"{where}.{key}", above=0.0, high=10.0)
-
-
-def _box(value: object, where: str, d: int) -> Array:
-    if not isinstance(value, list) or len(value) != 2:
-        raise InputError(f"{where} must be two corners, [low, high], not {fields.shown(value)}.")
-    low, high = (fields.vector(v, f"{where}[{k}]", (d,)) for k, v in enumerate(value))
-    if not (low < high).all():
-        raise InputError(f"{where} is {fields.shown(value)}; the low corner must lie below the high one on every axis.")
-    return read_only([low, high])

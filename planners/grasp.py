@@ -1,29 +1,25 @@
-"""Where a parallel gripper can hold a part: two opposite faces, near enough, with room for the hand.
+"""Where a part can be held: tool poses with the part in its place, best first, and why the others are none.
 
 Flat parts stand upright and are held across their thickness: the fingers pass in front of and behind the structure, so
-neighbours in the plane are only in the way where a finger lies over them. Solid parts are held where two opposite
-faces look away from each other. A grasp is the pose of the tool's centre point when the part is in its place.
+neighbours in the plane are only in the way where a finger lies over them. Solid parts are held where two faces look
+away from each other (`grasp_solid`). A suction cup needs an even place (`grasp_suction`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array, Mesh, Polygon
+from mocca_robot.assembly import Array, IntArray, Polygon
 from mocca_robot.contacts import to_shapely
-from planners.cell import Gripper, RobotCell
+from planners.cell import RobotCell
 from planners.site import Site
+from planners.tool import ParallelGripper, SuctionGripper
 
 LEANS_RAD = tuple(np.deg2rad([0.0, 20.0, -20.0, 40.0, -40.0, 60.0, -60.0]))
-"""How far the tool leans from pointing straight down, in the order tried."""
-SAMPLES = 800
-"""Points tried on the surface of a solid part."""
-ANTIPODAL = float(np.cos(np.deg2rad(20.0)))
-"""Faces whose normals differ by less from opposite can be held: well inside the friction of rubber pads."""
+"""How far the tool leans from pointing straight down, in the order tried on flat parts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,18 +40,36 @@ class GraspSearch:
 
 
 def find_grasps(
-    site: Site, part: int, cell: RobotCell, *, limit: int = 200, rng: np.random.Generator | None = None
+    site: Site, part: int, cell: RobotCell, *, limit: int = 240, rng: np.random.Generator | None = None
 ) -> GraspSearch:
     """Return up to `limit` grasps of a part; `rng` chooses the points that are tried on solid parts."""
-    shape = site.assembly.parts[part].shape
+    from planners.grasp_solid import across_solid
+    from planners.grasp_suction import on_flat, on_solid
+
+    shape, gripper = site.assembly.parts[part].shape, cell.gripper
+    mass = site.bodies[part].mass_kg
+    heavy = gripper.too_heavy(mass)
+    room = cell.model.payload_kg - gripper.mass_kg
+    if not heavy and mass > room:
+        heavy = f"heavier than the arm carries beside the gripper ({mass:.2f} kg, at most {room:.2f} kg)"
+    if heavy:
+        return GraspSearch((), {heavy: 1})
+    rng = rng or np.random.default_rng(0)
+    rejected: dict[str, int] = {}
     if isinstance(shape, Polygon):
-        found, rejected = _across_flat(site, shape, cell.gripper)
+        if isinstance(gripper, SuctionGripper):
+            found = on_flat(site, shape, gripper, rejected)
+        else:
+            found = _across_flat(site, shape, gripper, rejected)
+    elif isinstance(gripper, SuctionGripper):
+        found = on_solid(site, shape, gripper, rng, rejected)
     else:
-        found, rejected = _across_solid(site, shape, cell.gripper, rng or np.random.default_rng(0))
+        found = across_solid(site, shape, gripper, rng, rejected)
     return GraspSearch(tuple(sorted(found, key=lambda g: g.score)[:limit]), rejected)
 
 
-def _too_wide(width: float, gripper: Gripper) -> str:
+def too_wide(width: float, gripper: ParallelGripper) -> str:
+    """Return '' or why the fingers cannot hold a part of this width."""
     low, high = gripper.stroke_m
     widest = high - gripper.opening_m
     if width > widest:
@@ -63,21 +77,41 @@ def _too_wide(width: float, gripper: Gripper) -> str:
     return "thinner than the fingers close" if width - 0.002 < low else ""
 
 
-def _across_flat(site: Site, shape: Polygon, gripper: Gripper) -> tuple[list[GraspPose], dict[str, int]]:
-    reason = _too_wide(shape.thickness, gripper)
+def frame(z: Array, y: Array, origin: Array) -> Array:
+    """Return the pose (4, 4) with these unit axes."""
+    out = np.eye(4)
+    out[:3, :3] = np.stack([np.cross(y, z), y, z], axis=1)
+    out[:3, 3] = origin
+    return out
+
+
+def count(reasons: dict[str, int], reason: str, times: int = 1) -> None:
+    """Add to the number of times that something was the reason."""
+    if times:
+        reasons[reason] = reasons.get(reason, 0) + times
+
+
+def summary(reasons: dict[str, int]) -> str:
+    """Return reasons with their counts, the most frequent first."""
+    return "; ".join(f"{r} ({n}×)" for r, n in sorted(reasons.items(), key=lambda i: -i[1]))
+
+
+def _across_flat(site: Site, shape: Polygon, gripper: ParallelGripper, rejected: dict[str, int]) -> list[GraspPose]:
+    reason = too_wide(shape.thickness, gripper)
     if reason:
-        return [], {reason: 1}
+        count(rejected, reason)
+        return []
     outline = to_shapely(shape)
     inner = outline.buffer(-gripper.pad_radius_m)
     if inner.is_empty:
-        return [], {f"nowhere as wide as the pads ({2e3 * gripper.pad_radius_m:.0f} mm)": 1}
+        count(rejected, f"nowhere as wide as the pads ({2e3 * gripper.pad_radius_m:.0f} mm)")
+        return []
     across = np.cross(site.turn[:, 0], site.turn[:, 1])
     found: list[GraspPose] = []
-    rejected: dict[str, int] = {}
     size = float(np.linalg.norm(shape.bounds[1] - shape.bounds[0]))
     room = gripper.tcp_offset[2] - gripper.palm_m[1, 2] - 0.003
     half = float(gripper.palm_m[1, 0]) + 0.003
-    for point in _inner_points(inner, shape.centroid):
+    for point in inner_points(inner, shape.centroid):
         for lean in LEANS_RAD:
             down = np.array([np.sin(lean), -np.cos(lean)])
             side = np.array([down[1], -down[0]])
@@ -91,21 +125,21 @@ def _across_flat(site: Site, shape: Polygon, gripper: Gripper) -> tuple[list[Gra
             above = shapely.intersection(outline, strip)
             corners = shapely.get_coordinates(above)
             if len(corners) and float(((corners - point) @ -down).max()) > room:
-                _count(rejected, "deeper inside the part than the fingers are long")
+                count(rejected, "deeper inside the part than the fingers are long")
                 continue
             away = float(np.linalg.norm(point - shape.centroid)) / size
             for sign in (1.0, -1.0):
                 found.append(
                     GraspPose(
-                        _frame(site.turn @ down, sign * across, site.point(point)),
+                        frame(site.turn @ down, sign * across, site.point(point)),
                         shape.thickness,
                         away + 0.3 * abs(lean) + (0.01 if sign < 0 else 0.0),
                     )
                 )
-    return found, rejected
+    return found
 
 
-def _inner_points(inner: shapely.Geometry, centre: Array) -> list[Array]:
+def inner_points(inner: shapely.Geometry, centre: Array) -> list[Array]:
     """Return points of `inner`, spread over it, those nearest to `centre` first."""
     x0, y0, x1, y1 = inner.bounds
     xs, ys = (np.linspace(a, b, 9) for a, b in ((x0, x1), (y0, y1)))
@@ -114,107 +148,16 @@ def _inner_points(inner: shapely.Geometry, centre: Array) -> list[Array]:
     nearest = shapely.get_coordinates(shapely.shortest_line(inner, shapely.Point(centre)))[0]
     points = np.concatenate([nearest[None], inside])
     order = np.argsort(np.linalg.norm(points - centre, axis=1), kind="stable")
-    chosen: list[Array] = []
     apart = 0.12 * float(np.hypot(x1 - x0, y1 - y0))
-    for k in order:
-        if all(np.linalg.norm(points[k] - c) >= apart for c in chosen):
-            chosen.append(points[k])
-    return chosen[:14]
+    return [points[k] for k in spread(points[order], apart, order)[:14]]
 
 
-def _across_solid(
-    site: Site, shape: Mesh, gripper: Gripper, rng: np.random.Generator
-) -> tuple[list[GraspPose], dict[str, int]]:
-    vertices = site.point(shape.vertices)
-    corners = vertices[shape.faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(normal, axis=1)
-    normal = normal / np.maximum(area, 1e-300)[:, None]
-    centre = vertices.mean(axis=0)
-    size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    found: list[GraspPose] = []
-    rejected: dict[str, int] = {}
-    for face in rng.choice(len(area), size=SAMPLES, p=area / area.sum()):
-        weights = rng.dirichlet(np.ones(3))
-        start, inward = weights @ corners[face], -normal[face]
-        hit = _far_side(corners, start, inward)
-        if hit is None:
-            continue
-        other, width = hit
-        if normal[other] @ inward < ANTIPODAL:
-            _count(rejected, "the opposite face is not parallel")
-            continue
-        reason = _too_wide(width, gripper)
-        if reason:
-            _count(rejected, reason)
-            continue
-        middle = start + 0.5 * width * inward
-        for down in _perpendicular_downs(inward):
-            frame = _frame(down, inward, middle)
-            if _hand_meets(vertices, corners, frame, gripper, width):
-                _count(rejected, "the hand would touch the part")
-                continue
-            away = float(np.linalg.norm(middle - centre)) / size
-            found.append(GraspPose(frame, width, away + 0.3 * float(np.arccos(np.clip(-down[2], -1, 1)))))
-    return found, rejected
-
-
-def _far_side(corners: Array, start: Array, ray: Array) -> tuple[int, float] | None:
-    """Return the first face that a ray from a face's inside meets, and how far away."""
-    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    p = np.cross(ray, e2)
-    det = np.einsum("ij,ij->i", e1, p)
-    safe = np.where(np.abs(det) > 1e-15, det, np.inf)
-    t = start - corners[:, 0]
-    u = np.einsum("ij,ij->i", t, p) / safe
-    q = np.cross(t, e1)
-    v = q @ ray / safe
-    distance = np.einsum("ij,ij->i", e2, q) / safe
-    ok = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (distance > 1e-4)
-    if not ok.any():
-        return None
-    k = int(np.argmin(np.where(ok, distance, np.inf)))
-    return k, float(distance[k])
-
-
-def _perpendicular_downs(closing: Array) -> list[Array]:
-    """Return tool directions across `closing`, the one that points down most first; none points up."""
-    down = np.array([0.0, 0.0, -1.0])
-    first = down - (down @ closing) * closing
-    if np.linalg.norm(first) < 0.2:
-        return []
-    first /= np.linalg.norm(first)
-    second = np.cross(closing, first)
-    ways = [np.cos(a) * first + np.sin(a) * second for a in LEANS_RAD]
-    return [w for w in ways if w[2] < -0.3]
-
-
-def _hand_meets(vertices: Array, corners: Array, frame: Array, gripper: Gripper, width: float) -> bool:
-    """Return whether corners or face centres of the part lie in the palm or in a finger, fingers open."""
-    points = np.concatenate([vertices, corners.mean(axis=1)])
-    local = (points - frame[:3, 3]) @ frame[:3, :3] + np.asarray(gripper.tcp_offset[:3])
-    palm = (local > gripper.palm_m[0] - 0.003).all(axis=1) & (local < gripper.palm_m[1] + 0.003).all(axis=1)
-    opened = 0.5 * (width + gripper.opening_m)
-    outward = np.stack([local[:, 0], np.abs(local[:, 1]) - opened, local[:, 2]], axis=1)
-    finger = (outward > gripper.finger_m[0]).all(axis=1) & (outward < gripper.finger_m[1]).all(axis=1)
-    return bool(palm.any() or finger.any())
-
-
-def _frame(z: Array, y: Array, origin: Array) -> Array:
-    out = np.eye(4)
-    out[:3, :3] = np.stack([np.cross(y, z), y, z], axis=1)
-    out[:3, 3] = origin
-    return out
-
-
-def _count(reasons: dict[str, int], reason: str) -> None:
-    reasons[reason] = reasons.get(reason, 0) + 1
-
-
-def summary(reasons: dict[str, int] | Sequence[str]) -> str:
-    """Return reasons with their counts, the most frequent first."""
-    counts: dict[str, int] = dict(reasons) if isinstance(reasons, dict) else {}
-    if not isinstance(reasons, dict):
-        for r in reasons:
-            _count(counts, r)
-    return "; ".join(f"{r} ({n}×)" for r, n in sorted(counts.items(), key=lambda i: -i[1]))
+def spread(points: Array, apart: float, numbers: IntArray | None = None) -> list[int]:
+    """Return which of `points` (n, d) to keep so that none lies nearer than `apart` to one kept before it; their
+    indices, or their `numbers`.
+    """
+    kept: list[int] = []
+    for k, point in enumerate(points):
+        if not kept or np.linalg.norm(points[kept] - point, axis=1).min() >= apart:
+            kept.append(k)
+    return kept if numbers is None else [int(numbers[k]) for k in kept]

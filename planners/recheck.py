@@ -12,7 +12,7 @@ from mocca_robot.ur.plan import MoveKind, Plan, Waypoint, insertion_axis
 from mocca_robot.ur.pose import transform
 from mocca_robot.verify import sweep_blockers
 from planners.cell import RobotCell
-from planners.scene import Scene, straight
+from planners.scene import Scene
 from planners.site import Site
 from planners.tray import Tray
 
@@ -30,7 +30,7 @@ def recheck(plan: Plan, cell: RobotCell, site: Site, tray: Tray, *, step_m: floa
     out = findings(plan)
     scene = Scene(cell, site, TOUCH_M)
     for body in site.bodies:
-        scene.place(body.name, straight(tray.offsets.get(body.name, np.zeros(3))))
+        scene.place(body.name, tray.motions.get(body.name, np.eye(4)))
     for i, step in enumerate(plan.steps):
         index = site.assembly.index(step.part)
         carried, grip = False, np.eye(4)
@@ -66,7 +66,7 @@ def recheck(plan: Plan, cell: RobotCell, site: Site, tray: Tray, *, step_m: floa
             if move.kind is MoveKind.PICK:
                 carried = True
                 flange = cell.model.frames(move.path[-1].q)[-1]
-                grip = np.linalg.inv(flange) @ straight(tray.offsets[step.part])
+                grip = np.linalg.inv(flange) @ tray.motions[step.part]
             if move.kind is MoveKind.INSERT:
                 final = cell.model.frames(move.path[-1].q)[-1] @ grip
                 off = float(np.abs(final - np.eye(4)).max())

@@ -16,9 +16,12 @@ from mocca_robot.ur.links import capsules
 from mocca_robot.ur.links import offsets as link_offsets
 from planners.cell import RobotCell
 from planners.site import Site
+from planners.tool import ParallelGripper, SuctionGripper
 
 CLEARANCE_M = 0.002
 """What arm, gripper and carried part keep from everything else."""
+CUP_M = 0.02
+"""Length of a bellows cup."""
 
 _ARM, _FINGERS, _CARRIED, _SHOULDER = 1, 2, 4, 8
 
@@ -43,6 +46,15 @@ class Scene:
             contype=0,
             conaffinity=_ARM | _FINGERS | _CARRIED,
         )
+        if site.plinth is not None:
+            spec.worldbody.add_geom(
+                name="plinth",
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                pos=0.5 * (site.plinth[0] + site.plinth[1]),
+                size=0.5 * (site.plinth[1] - site.plinth[0]),
+                contype=0,
+                conaffinity=_ARM | _FINGERS | _CARRIED | _SHOULDER,
+            )
         self._add_arm(spec)
         for body in site.bodies:
             node = spec.worldbody.add_body(name=f"part {body.name}")
@@ -53,6 +65,8 @@ class Scene:
                 node.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, contype=0, conaffinity=0)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
+        self._flange = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "flange")
+        self._fingers = isinstance(cell.gripper, ParallelGripper)
         model = self.model
         self._geoms: dict[str, IntArray] = {}
         self._address: dict[str, int] = {}
@@ -92,28 +106,59 @@ class Scene:
             conaffinity=0,
             margin=self._clearance,
         )
-        low, high = gripper.finger_m
-        for name, sign in (("left", 1.0), ("right", -1.0)):
-            finger = flange.add_body(name=f"finger {name}")
-            finger.add_joint(name=f"finger {name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, sign, 0])
-            middle = 0.5 * (low + high) * np.array([1.0, sign, 1.0])
-            finger.add_geom(
-                name=f"finger {name}",
-                type=mujoco.mjtGeom.mjGEOM_BOX,
-                pos=middle,
-                size=0.5 * (high - low),
-                contype=_FINGERS,
-                conaffinity=0,
-                margin=self._clearance,
-            )
+        hand = ["palm"]
+        if isinstance(gripper, ParallelGripper):
+            hand += self._add_fingers(flange, gripper)
+        else:
+            hand += self._add_stem(flange, gripper)
         # The arm against itself: the hand and the wrist against shoulder, upper arm and forearm.
         names = {k: [f"link {k} {n}" for n in range(len(segments[k]))] for k in range(6)}
-        hand = ["palm", "finger left", "finger right"]
         for first, second in (
             *((a, b) for k in (0, 1) for a in names[k] for j in (3, 4, 5) for b in names[j]),
             *((a, b) for k in (0, 1, 2) for a in names[k] for b in hand),
         ):
             spec.add_pair(geomname1=first, geomname2=second, margin=0.0)
+
+    def _add_fingers(self, flange: Any, gripper: ParallelGripper) -> list[str]:
+        low, high = gripper.finger_m
+        names = []
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            name = f"finger {side}"
+            finger = flange.add_body(name=name)
+            finger.add_joint(name=name, type=self._mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, sign, 0])
+            finger.add_geom(
+                name=name,
+                type=self._mujoco.mjtGeom.mjGEOM_BOX,
+                pos=0.5 * (low + high) * np.array([1.0, sign, 1.0]),
+                size=0.5 * (high - low),
+                contype=_FINGERS,
+                conaffinity=0,
+                margin=self._clearance,
+            )
+            names.append(name)
+        return names
+
+    def _add_stem(self, flange: Any, gripper: SuctionGripper) -> list[str]:
+        lip = gripper.tcp_offset[2]
+        cup = min(CUP_M, lip - float(gripper.palm_m[1, 2]))
+        names = []
+        for name, radius, start, end in (
+            ("stem", gripper.stem_radius_m, float(gripper.palm_m[1, 2]), lip - cup),
+            # The bellows give: the cup ends short of its lip, so that what lies flush beside the part is not touched.
+            ("cup", gripper.cup_radius_m, lip - cup, lip - 2.0 * gripper.bellows_m - self._clearance),
+        ):
+            if end - start > 1e-4:
+                flange.add_geom(
+                    name=name,
+                    type=self._mujoco.mjtGeom.mjGEOM_CYLINDER,
+                    fromto=[*gripper.tcp_offset[:2], start, *gripper.tcp_offset[:2], end],
+                    size=[radius, 0, 0],
+                    contype=_FINGERS,
+                    conaffinity=0,
+                    margin=self._clearance,
+                )
+                names.append(name)
+        return names
 
     def roles(self, *, carried: str | None = None, grasped: str | None = None, absent: Iterable[str] = ()) -> None:
         """Set roles: `carried` moves with the tool; the fingers may touch `grasped`; `absent` parts are not there."""
@@ -147,16 +192,26 @@ class Scene:
         """
         mujoco, data = self._mujoco, self.data
         data.qpos[:6] = q
-        data.qpos[6:8] = 0.5 * opening_m
-        if self._carried is not None and grip is not None:
-            self.place(self._carried, self._cell.model.frames(q)[-1] @ grip)
+        if self._fingers:
+            data.qpos[6:8] = 0.5 * opening_m
         mujoco.mj_kinematics(self.model, data)
+        if self._carried is not None and grip is not None:
+            self.place(self._carried, self.flange @ grip)
+            mujoco.mj_kinematics(self.model, data)
         mujoco.mj_collision(self.model, data)
         for k in range(data.ncon):
             contact = data.contact[k]
             if contact.dist < (self._clearance if contact.includemargin > 0 else 0.0):
                 return " against ".join(self._name(g) for g in contact.geom)
         return ""
+
+    @property
+    def flange(self) -> Array:
+        """Return the flange's pose (4, 4) in the configuration looked at last."""
+        out = np.eye(4)
+        out[:3, :3] = self.data.xmat[self._flange].reshape(3, 3)
+        out[:3, 3] = self.data.xpos[self._flange]
+        return out
 
     def _name(self, geom: int) -> str:
         name = str(self.model.geom(int(geom)).name)

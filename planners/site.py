@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import shapely
 
 from mocca_robot.assembly import Array, Assembly, Mesh, Polygon, read_only
-from mocca_robot.contacts import to_shapely
-from mocca_robot.penetration import solid
 from planners.cell import RobotCell
+from planners.convex_cover import convex_cover
 
-SWELL = 5e-4
-"""Metres: flat outlines grow by this before they are simplified, so that few pieces cover the whole part."""
-
-NEARLY_CONVEX = 0.97
-"""A solid that fills this share of its convex hull is avoided as its hull."""
-CELLS = 4
-"""Cells per side of the grid that divides other solids."""
+STANDS_M = 2e-3
+"""A part whose lowest point is no higher than this above the plinth stands on it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +43,14 @@ class Site:
         turn: (3, d); base-frame direction = turn @ design direction.
         shift: (3,); base-frame point = turn @ point + shift.
         bodies: one per part, in assembly order.
+        plinth: (2, 3) corners of what carries the fixed parts above the table; None when they stand on it.
     """
 
     assembly: Assembly
     turn: Array
     shift: Array
     bodies: tuple[Body, ...]
+    plinth: Array | None
 
     def point(self, design: Array) -> Array:
         """Return points (…, d) of the scaled design in the base frame."""
@@ -64,35 +60,84 @@ class Site:
 def site(assembly: Assembly, cell: RobotCell) -> Site:
     """Return `assembly` scaled and placed as `cell` says: flat designs stand upright, their y axis up."""
     bounds = np.array([p.shape.bounds for p in assembly.parts])
-    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
-    scale = 1.0 if cell.build_size_m is None else cell.build_size_m / float((high - low).max())
+    size = float((bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)).max())
+    scale = 1.0 if cell.build_size_m is None else cell.build_size_m / size
     scaled = assembly.with_shapes([_scaled(p.shape, scale, cell.thickness_m) for p in assembly.parts])
-    c, s = np.cos(cell.build_yaw_rad), np.sin(cell.build_yaw_rad)
-    yaw = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    turn = yaw[:, [0, 2]] if assembly.dimension == 2 else yaw
-    foot = 0.5 * (low + high)
-    foot[-1] = low[-1]
-    shift = cell.build_origin_m - turn @ (foot * scale)
+    turn, shift = _standing(scaled, cell)
+    across = np.cross(turn[:, 0], turn[:, 1])
     bodies = []
     for part in scaled.parts:
         shape = part.shape
-        pieces = [p @ turn.T + shift for p in _outlines(shape)]
+        pieces = [p @ turn.T + shift for p in convex_cover(shape)]
         if isinstance(shape, Polygon):
-            across = yaw[:, 1] * 0.5 * shape.thickness
-            pieces = [np.concatenate([p + across, p - across]) for p in pieces]
-        corners = np.concatenate(pieces)
-        bodies.append(
-            Body(
-                part.name,
-                tuple(read_only(p) for p in pieces),
-                read_only(turn @ part.centroid + shift),
-                part.mass,
-                part.fixed,
-                read_only(corners.min(axis=0)),
-                read_only(corners.max(axis=0)),
-            )
+            half = across * 0.5 * shape.thickness
+            pieces = [np.concatenate([p + half, p - half]) for p in pieces]
+        bodies.append(_body(part.name, pieces, turn @ part.centroid + shift, part.mass, part.fixed))
+    return Site(scaled, read_only(turn), read_only(shift), tuple(bodies), _plinth(bodies, cell))
+
+
+def moved(where: Site, cell: RobotCell) -> Site:
+    """Return the same structure where `cell` wants it; the size stays."""
+    turn, shift = _standing(where.assembly, cell)
+    motion = motion_between(where, turn, shift)
+    bodies = [
+        _body(
+            b.name,
+            [p @ motion[:3, :3].T + motion[:3, 3] for p in b.pieces],
+            motion[:3, :3] @ b.centroid + motion[:3, 3],
+            b.mass_kg,
+            b.fixed,
         )
-    return Site(scaled, read_only(turn), read_only(shift), tuple(bodies))
+        for b in where.bodies
+    ]
+    return Site(where.assembly, read_only(turn), read_only(shift), tuple(bodies), _plinth(bodies, cell))
+
+
+def motion_between(where: Site, turn: Array, shift: Array) -> Array:
+    """Return the (4, 4) motion that takes the structure to where `turn` and `shift` put it."""
+    out = np.eye(4)
+    out[:3, :3] = _axes(turn) @ _axes(where.turn).T
+    out[:3, 3] = shift - out[:3, :3] @ where.shift
+    return out
+
+
+def _axes(turn: Array) -> Array:
+    """Return three axes: those of a flat design and the one across."""
+    return turn if turn.shape[1] == 3 else np.column_stack([turn, np.cross(turn[:, 0], turn[:, 1])])
+
+
+def _standing(scaled: Assembly, cell: RobotCell) -> tuple[Array, Array]:
+    """Return turn (3, d) and shift (3,) that put the middle of the structure's foot where the cell wants it."""
+    c, s = np.cos(cell.build_yaw_rad), np.sin(cell.build_yaw_rad)
+    yaw = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    turn = yaw[:, [0, 2]] if scaled.dimension == 2 else yaw
+    bounds = np.array([p.shape.bounds for p in scaled.parts])
+    low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    foot = 0.5 * (low + high)
+    foot[-1] = low[-1]
+    return turn, cell.build_origin_m - turn @ foot
+
+
+def _body(name: str, pieces: Sequence[Array], centroid: Array, mass_kg: float, fixed: bool) -> Body:
+    corners = np.concatenate(pieces)
+    return Body(
+        name,
+        tuple(read_only(p) for p in pieces),
+        read_only(centroid),
+        mass_kg,
+        fixed,
+        read_only(corners.min(axis=0)),
+        read_only(corners.max(axis=0)),
+    )
+
+
+def _plinth(bodies: Sequence[Body], cell: RobotCell) -> Array | None:
+    top, table = float(cell.build_origin_m[2]), float(cell.table_m[1, 2])
+    if top <= table + 1e-6:
+        return None
+    standing = [b for b in bodies if b.low[2] < top + STANDS_M] or list(bodies)
+    low, high = np.min([b.low for b in standing], axis=0), np.max([b.high for b in standing], axis=0)
+    return read_only([[low[0], low[1], table], [high[0], high[1], top]])
 
 
 def _scaled(shape: Polygon | Mesh, scale: float, thickness_m: float | None) -> Polygon | Mesh:
@@ -100,57 +145,3 @@ def _scaled(shape: Polygon | Mesh, scale: float, thickness_m: float | None) -> P
         thickness = shape.thickness * scale if thickness_m is None else thickness_m
         return Polygon(shape.exterior * scale, tuple(h * scale for h in shape.holes), thickness)
     return replace(shape, vertices=shape.vertices * scale)
-
-
-def _outlines(shape: Polygon | Mesh) -> list[Array]:
-    """Return corners (V, d) of convex pieces that cover `shape`."""
-    if isinstance(shape, Mesh):
-        return _hulls(shape)
-    swollen = to_shapely(shape).buffer(SWELL, join_style="mitre").simplify(0.8 * SWELL)
-    return [np.asarray(p.exterior.coords)[:-1] for p in convex_pieces(swollen)]
-
-
-def _hulls(mesh: Mesh) -> list[Array]:
-    """Return corners of convex pieces that cover a solid: its hull, or, where that is far too large, the hulls of
-    what lies in each cell of a grid.
-    """
-    import manifold3d
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(mesh.vertices)
-    whole = [np.asarray(mesh.vertices[hull.vertices])]
-    if mesh.volume > NEARLY_CONVEX * hull.volume:
-        return whole
-    body = solid(mesh)
-    low, high = mesh.bounds
-    step = (high - low) / CELLS
-    pieces = []
-    for corner in np.ndindex(CELLS, CELLS, CELLS):
-        cell = manifold3d.Manifold.cube(step.tolist()).translate((low + np.array(corner) * step).tolist())
-        common = (body ^ cell).hull()
-        points = np.asarray(common.to_mesh64().vert_properties)[:, :3]
-        if common.volume() > 1e-9 * hull.volume and len(points) >= 4:
-            pieces.append(points)
-    return pieces or whole
-
-
-def convex_pieces(outline: shapely.Polygon) -> list[shapely.Polygon]:
-    """Return convex polygons that tile `outline`: its triangles, merged while two together stay convex."""
-    import mapbox_earcut
-
-    rings = [np.asarray(r.coords)[:-1] for r in (outline.exterior, *outline.interiors)]
-    ends = np.cumsum([len(r) for r in rings]).astype(np.uint32)
-    corners = np.concatenate(rings)
-    triangles = mapbox_earcut.triangulate_float64(corners, ends).reshape(-1, 3)
-    pieces = [t for t in shapely.polygons(corners[triangles]) if t.area > 1e-12]
-    merged = True
-    while merged:
-        merged = False
-        for a in range(len(pieces)):
-            for b in range(len(pieces) - 1, a, -1):
-                hull = shapely.union(pieces[a], pieces[b]).convex_hull
-                if hull.area <= (pieces[a].area + pieces[b].area) * (1 + 1e-6):
-                    pieces[a] = hull
-                    del pieces[b]
-                    merged = True
-    return pieces

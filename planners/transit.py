@@ -1,22 +1,29 @@
-"""A way for the arm from one configuration to another past everything: straight if possible, else two random trees.
+"""A way for the arm from one configuration to another past everything: straight if possible, else OMPL's RRT-Connect.
 
-RRT-Connect in joint space with edges checked every `EDGE_STEP_RAD`, then shortened; the same random generator gives the
-same way.
+OMPL checks edges at a resolution relative to the extent of the space, and accepts colliding ones at its default; here
+it is given in radians. Its time limits would make the result depend on the machine: a budget of collision checks ends
+the search instead, and the same seed gives the same way.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from mocca_robot.assembly import Array
+from mocca_robot.errors import InputError
 
 EDGE_STEP_RAD = 0.007
 """Largest turn of a joint between two checks of an edge: 7 mm for a part one metre from the axis."""
-GROW_RAD = 0.35
+SEARCH_STEP_RAD = 0.02
+"""The same in the search, Euclidean over all joints; what it finds is checked again at `EDGE_STEP_RAD`."""
 MARGIN_RAD = 1.3
-"""How far beyond the two ends, joint by joint, the trees may grow."""
+"""How far beyond the two ends, joint by joint, the search may go."""
+CHECKS = 6000
+"""Collision checks after which the search gives up."""
 
 Free = Callable[[Array], bool]
 
@@ -31,12 +38,10 @@ def edge_free(a: Array, b: Array, free: Free) -> bool:
     return all(free(a + (k / count) * (b - a)) for k in order)
 
 
-def connect(
-    start: Array, goal: Array, free: Free, limit: Array, rng: np.random.Generator, tries: int = 300
-) -> list[Array] | None:
-    """Return corners of a free path from `start` to `goal` in joint space, or None after `tries` samples.
+def connect(start: Array, goal: Array, free: Free, limit: Array, seed: int, checks: int = CHECKS) -> list[Array] | None:
+    """Return corners of a free path from `start` to `goal` in joint space, or None after `checks` collision checks.
 
-    `limit` (6,) is the largest |q|.
+    `limit` (6,) is the largest |q|; `seed` decides the samples. InputError when OMPL is not installed.
     """
     if not free(start) or not free(goal):
         return None
@@ -44,60 +49,71 @@ def connect(
         return [start, goal]
     low = np.maximum(np.minimum(start, goal) - MARGIN_RAD, -limit)
     high = np.minimum(np.maximum(start, goal) + MARGIN_RAD, limit)
-    trees: list[tuple[list[Array], list[int]]] = [([start], [-1]), ([goal], [-1])]
-    a, b = 0, 1
-    for _ in range(tries):
-        sample = rng.uniform(low, high)
-        grown = _grow(trees[a], sample, free)
-        if grown is not None:
-            target = trees[a][0][grown]
-            while True:
-                met = _grow(trees[b], target, free)
-                if met is None:
-                    break
-                if np.array_equal(trees[b][0][met], target):
-                    first, second = _branch(trees[a], grown), _branch(trees[b], met)
-                    path = first[::-1] + second[1:] if a == 0 else second[::-1] + first[1:]
-                    return shortened(path, free, rng)
-        a, b = b, a
+    for attempt in range(2):
+        found = _search(start, goal, free, (low, high), seed + attempt, checks)
+        if found is None:
+            return None
+        corners = shortened(found, free)
+        if all(edge_free(a, b, free) for a, b in itertools.pairwise(corners)):
+            return corners
     return None
 
 
-def _grow(tree: tuple[list[Array], list[int]], target: Array, free: Free) -> int | None:
-    nodes, parents = tree
-    distance = np.abs(np.array(nodes) - target).max(axis=1)
-    near = int(np.argmin(distance))
-    if distance[near] == 0.0:
-        return near
-    share = min(1.0, GROW_RAD / float(distance[near]))
-    new = target if share == 1.0 else nodes[near] + share * (target - nodes[near])
-    if not edge_free(nodes[near], new, free):
+def _search(
+    start: Array, goal: Array, free: Free, box: tuple[Array, Array], seed: int, checks: int
+) -> list[Array] | None:
+    base, geometric, util = _ompl()
+    util.noOutputHandler()  # it reports to the terminal that the seed of earlier searches is being replaced
+    util.RNG.setSeed(seed % 2**31 + 1)
+    space = base.RealVectorStateSpace(6)
+    bounds = base.RealVectorBounds(6)
+    for j in range(6):
+        bounds.setLow(j, float(box[0][j]) - 1e-9)
+        bounds.setHigh(j, float(box[1][j]) + 1e-9)
+    space.setBounds(bounds)
+    setup = geometric.SimpleSetup(space)
+    used = 0
+
+    def valid(state: Any) -> bool:
+        nonlocal used
+        used += 1
+        return free(np.array([state[j] for j in range(6)]))
+
+    setup.setStateValidityChecker(valid)
+    information = setup.getSpaceInformation()
+    information.setStateValidityCheckingResolution(SEARCH_STEP_RAD / space.getMaximumExtent())
+    planner = geometric.RRTConnect(information)
+    planner.setRange(0.8)
+    setup.setPlanner(planner)
+    ends = space.allocState(), space.allocState()
+    for state, values in zip(ends, (start, goal), strict=True):
+        for j in range(6):
+            state[j] = float(values[j])
+    setup.setStartAndGoalStates(*ends)
+    setup.solve(base.PlannerTerminationCondition(lambda: used > checks))
+    if not setup.haveExactSolutionPath():
         return None
-    nodes.append(new)
-    parents.append(near)
-    return len(nodes) - 1
+    path = setup.getSolutionPath()
+    corners = [np.array([path.getState(k)[j] for j in range(6)]) for k in range(path.getStateCount())]
+    return [start, *corners[1:-1], goal]
 
 
-def _branch(tree: tuple[list[Array], list[int]], node: int) -> list[Array]:
-    nodes, parents = tree
-    out = []
-    while node >= 0:
-        out.append(nodes[node])
-        node = parents[node]
+def shortened(path: list[Array], free: Free) -> list[Array]:
+    """Return a path in which no corner can be left out: from each the farthest that is reached straight is next."""
+    out, at = [path[0]], 0
+    while at < len(path) - 1:
+        ahead = next((k for k in range(len(path) - 1, at + 1, -1) if edge_free(path[at], path[k], free)), at + 1)
+        out.append(path[ahead])
+        at = ahead
     return out
 
 
-def shortened(path: list[Array], free: Free, rng: np.random.Generator, tries: int = 60) -> list[Array]:
-    """Return a path with corners left out, and cut, where the way straight across is free."""
-    for _ in range(tries):
-        if len(path) <= 2:
-            break
-        i, j = sorted(rng.choice(len(path), size=2, replace=False).tolist())
-        if j - i > 1 and edge_free(path[i], path[j], free):
-            path = path[: i + 1] + path[j:]
-            continue
-        k = int(rng.integers(1, len(path) - 1))
-        cut = 0.5 * (path[k - 1] + path[k]), 0.5 * (path[k] + path[k + 1])
-        if edge_free(cut[0], cut[1], free):
-            path = [*path[:k], *cut, *path[k + 1 :]] if len(path) < 6 else path
-    return path
+def _ompl() -> tuple[Any, Any, Any]:
+    try:
+        from ompl import base, geometric, util
+    except ImportError as error:
+        raise InputError(
+            f"Ways between tray and structure are searched with OMPL, which is not installed ({error}): "
+            "pip install 'ompl>=2.0,<3' (wheels for CPython 3.11 to 3.13)."
+        ) from error
+    return base, geometric, util

@@ -24,8 +24,10 @@ from planners.build_plan import BuildPlan, build_plan
 from planners.cell import RobotCell, read_cell
 from planners.grasp import find_grasps
 from planners.recheck import recheck
+from planners.scene import straight
 from planners.site import site
-from planners.tray import tray_layout, tray_svg
+from planners.tray import tray_layout
+from planners.tray_files import tray_sheet
 
 ROOT = Path(__file__).resolve().parents[1]
 CELL_FILE = ROOT / "configs" / "cells" / "ur5e_2f85.yaml"
@@ -116,7 +118,8 @@ def test_the_second_look_sees_what_was_tampered_with() -> None:
     found = recheck(replace(plan, steps=(first, *plan.steps[1:])), cell(), result.site, result.tray)
     assert any(f.quantity == "a collision" and "move 0" in f.where for f in found)
     # A tray that stands elsewhere: the part would not end in its place.
-    moved = replace(result.tray, offsets={k: v + np.array([0.0, 0.01, 0.0]) for k, v in result.tray.offsets.items()})
+    aside = straight(np.array([0.0, 0.01, 0.0]))
+    moved = replace(result.tray, motions={k: aside @ v for k, v in result.tray.motions.items()})
     found = recheck(plan, cell(), result.site, moved)
     assert any("distance of the part from its place" in f.quantity for f in found)
 
@@ -157,15 +160,16 @@ def test_a_part_that_cannot_be_held_comes_back_with_the_reason() -> None:
 def test_the_tray_holds_every_part_once_and_is_refused_when_too_small() -> None:
     where = site(tower(3).assembly, cell())
     tray = tray_layout(where, cell())
-    boxes = [(b.low + tray.offsets[b.name], b.high + tray.offsets[b.name]) for b in where.bodies if not b.fixed]
+    shift = {n: m[:3, 3] for n, m in tray.motions.items()}
+    boxes = [(b.low + shift[b.name], b.high + shift[b.name]) for b in where.bodies if not b.fixed]
     for low, high in boxes:
         assert (low[:2] >= cell().tray_m[0] - 1e-9).all() and (high[:2] <= cell().tray_m[1] + 1e-9).all()
         assert low[2] == pytest.approx(cell().nest_m)
     for a, (low, high) in enumerate(boxes):
         for other_low, other_high in boxes[a + 1 :]:
             assert ((low[:2] >= other_high[:2] + 0.04) | (high[:2] <= other_low[:2] - 0.04)).any()
-    drawing = tray_svg(where, cell(), tray)
-    assert all(drawing.count(f">b{k}</text>") == 1 for k in range(3))
+    drawing = tray_sheet(where, cell(), tray)
+    assert [p.name for p in drawing.parts] == ["board", "b0", "b1", "b2"]
     with pytest.raises(InputError, match="no room for part 'b0'"):
         tray_layout(where, replace(cell(), tray_m=np.array([[0.1, -0.2], [0.15, -0.17]])))
 

@@ -46,13 +46,12 @@ def run(args: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from mocca_robot.files.design_json import read_design
-    from mocca_robot.files.output import write_atomic
     from mocca_robot.ur.plan import write_plan
     from mocca_robot.ur.plan_reader import file_sha256
     from planners.build_plan import build_plan
     from planners.cell import read_cell
     from planners.recheck import recheck
-    from planners.tray import tray_svg
+    from planners.tray_files import write_tray
 
     console = Console(args.json)
     source = stored_design(Path(args.design))
@@ -81,14 +80,13 @@ def run(args: argparse.Namespace) -> int:
     wrong = []
     if built.plan is not None:
         with console.stage("check again"):
-            wrong = [str(f) for f in recheck(built.plan, cell, built.site, built.tray)]
+            wrong = [str(f) for f in recheck(built.plan, built.cell, built.site, built.tray)]
     written = []
     if built.plan is not None and not wrong:
         target.parent.mkdir(parents=True, exist_ok=True)
         write_plan(built.plan, target)
-        drawing = target.with_name("tray.svg")
-        write_atomic(drawing, tray_svg(built.site, cell, built.tray))
-        written = [str(target), str(drawing)]
+        tray = write_tray(target.parent, built.site, built.cell, built.tray)
+        written = [str(target), *(str(t) for t in tray)]
     for line in [*lines(built), *wrong[:10], *(f"wrote {w}" for w in written)]:
         console.say(line)
     console.say(console.times())

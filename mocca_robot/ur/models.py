@@ -45,13 +45,18 @@ class RobotModel:
     joint_limit_rad: Six = (_TURN, _TURN, _TURN, _TURN, _TURN, _TURN)
 
     def frames(self, q: Sequence[float] | Array) -> list[Array]:
-        """Return the base frame and the frames after each joint, seven (4, 4) matrices; the last is the flange."""
+        """Return the base frame and the frames after each joint, seven matrices (…, 4, 4); the last is the flange.
+
+        `q` is (6,) or (…, 6) for many configurations at once.
+        """
+        angles = np.asarray(q, dtype=np.float64)
         out = [np.eye(4)]
-        for angle, d, a, alpha in zip(q, self.d, self.a, _ALPHA, strict=True):
-            ct, st, ca, sa = np.cos(angle), np.sin(angle), np.cos(alpha), np.sin(alpha)
-            step = np.array(
-                [[ct, -st * ca, st * sa, a * ct], [st, ct * ca, -ct * sa, a * st], [0, sa, ca, d], [0, 0, 0, 1.0]]
-            )
+        for k, (d, a, alpha) in enumerate(zip(self.d, self.a, _ALPHA, strict=True)):
+            ct, st, ca, sa = np.cos(angles[..., k]), np.sin(angles[..., k]), np.cos(alpha), np.sin(alpha)
+            step = np.zeros((*angles.shape[:-1], 4, 4))
+            step[..., 0, 0], step[..., 0, 1], step[..., 0, 2], step[..., 0, 3] = ct, -st * ca, st * sa, a * ct
+            step[..., 1, 0], step[..., 1, 1], step[..., 1, 2], step[..., 1, 3] = st, ct * ca, -ct * sa, a * st
+            step[..., 2, 1], step[..., 2, 2], step[..., 2, 3], step[..., 3, 3] = sa, ca, d, 1.0
             out.append(out[-1] @ step)
         return out
 

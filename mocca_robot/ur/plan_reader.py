@@ -15,7 +15,7 @@ from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.plan import FORMAT, VERSION, Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint
 from mocca_robot.ur.pose import Three, six, three
 
-GRIPPERS = ("2f85", "none")
+GRIPPERS = ("2f85", "suction", "none")
 
 
 def file_sha256(path: Path) -> str:

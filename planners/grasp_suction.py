@@ -1,0 +1,123 @@
+"""Where a suction cup can hold a part: the surface under its lip is even, and the vacuum holds what pulls there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mocca_robot.assembly import Array, BoolArray, Mesh, Polygon
+from mocca_robot.contacts import to_shapely
+from planners.grasp import GraspPose, count, frame, inner_points, spread
+from planners.rays import first_hits
+from planners.site import Site
+from planners.tool import SuctionGripper
+
+SAMPLES = 160
+"""Points tried on the surface of a solid part."""
+RIM = 8
+"""Points of the lip that are looked at."""
+RISE_M = 0.01
+"""Rays towards the surface start this far above it."""
+NOT_BELOW = 0.35
+"""Largest upward component of the tool's direction: a little more than pointing sideways."""
+ROLLS_RAD = (0.0, np.pi / 2, np.pi, -np.pi / 2)
+"""Turns of the hand about the cup, which itself does not care."""
+
+
+def on_solid(
+    site: Site, shape: Mesh, gripper: SuctionGripper, rng: np.random.Generator, rejected: dict[str, int]
+) -> list[GraspPose]:
+    """Return the grasps of a solid part; why other places are none is added to `rejected`."""
+    vertices = site.point(shape.vertices)
+    corners = vertices[shape.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    normal = normal / np.maximum(area, 1e-300)[:, None]
+    above = normal[:, 2] > -NOT_BELOW
+    if not above.any():
+        count(rejected, "every face looks down")
+        return []
+    weight = np.where(above, area, 0.0)
+    face = rng.choice(len(area), size=SAMPLES, p=weight / weight.sum())
+    point = np.einsum("nk,nkd->nd", rng.dirichlet(np.ones(3), SAMPLES), corners[face])
+    good, outward, height = _even(corners, point, normal[face], gripper)
+    count(rejected, "uneven under the cup", int((~good).sum()))
+    point, outward = point[good] + height[good, None] * outward[good], outward[good]
+    centre = vertices.mean(axis=0)
+    size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    # How far beside the line through the middle of the part the cup pulls, and how far from straight down it points.
+    off = np.linalg.norm(np.cross(point - centre, outward), axis=1) / size
+    order = np.argsort(off, kind="stable")
+    kept = spread(np.hstack([point, 0.3 * size * outward])[order], 0.1 * size, order)[:40]
+    return [
+        GraspPose(pose, 0.0, float(off[k]) + 0.1 * float(np.arccos(np.clip(outward[k, 2], -1.0, 1.0))) + 0.005 * r)
+        for k in kept
+        for r, pose in enumerate(_poses(outward[k], point[k]))
+    ]
+
+
+def on_flat(site: Site, shape: Polygon, gripper: SuctionGripper, rejected: dict[str, int]) -> list[GraspPose]:
+    """Return the grasps of a flat part: on its front and its back."""
+    inner = to_shapely(shape).buffer(-gripper.cup_radius_m)
+    if inner.is_empty:
+        count(rejected, f"nowhere as wide as the cup ({2e3 * gripper.cup_radius_m:.0f} mm)")
+        return []
+    across = np.cross(site.turn[:, 0], site.turn[:, 1])
+    size = float(np.linalg.norm(shape.bounds[1] - shape.bounds[0]))
+    return [
+        GraspPose(pose, 0.0, float(np.linalg.norm(point - shape.centroid)) / size + 0.005 * r)
+        for point in inner_points(inner, shape.centroid)
+        for side in (1.0, -1.0)
+        for r, pose in enumerate(_poses(side * across, site.point(point) + side * 0.5 * shape.thickness * across))
+    ]
+
+
+def pull(gripper: SuctionGripper, tcp: Array, direction: Array, push_n: float) -> str:
+    """Return '' or why the cup cannot push a part along `direction` (3,) with `push_n`: it pulls no harder than its
+    vacuum, and across its axis friction holds it.
+    """
+    along = float(tcp[:3, 2] @ direction)
+    across = float(np.sqrt(max(0.0, 1.0 - along * along)))
+    if -along * push_n > gripper.force_n:
+        return f"the cup holds {gripper.force_n:.0f} N, inserting may pull with {-along * push_n:.0f} N"
+    holds = gripper.friction * (gripper.force_n + along * push_n)
+    if across * push_n > holds:
+        return f"the cup slips at {holds:.0f} N, inserting may push it sideways with {across * push_n:.0f} N"
+    return ""
+
+
+def _even(corners: Array, point: Array, outward: Array, gripper: SuctionGripper) -> tuple[BoolArray, Array, Array]:
+    """Return where the surface under the lip is even (n,), its mean normal there (n, 3), and how far the lip's highest
+    point lies above the middle (n,).
+    """
+    helper = np.where(np.abs(outward[:, :1]) < 0.7, np.array([[1.0, 0, 0]]), np.array([[0, 1.0, 0]]))
+    first = np.cross(outward, helper)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    second = np.cross(outward, first)
+    heights = []
+    angles = np.arange(RIM) * 2 * np.pi / RIM
+    for radius in (gripper.cup_radius_m, 0.5 * gripper.cup_radius_m):
+        for angle in angles:
+            beside = radius * (np.cos(angle) * first + np.sin(angle) * second)
+            _, distance = first_hits(corners, point + beside + RISE_M * outward, -outward)
+            heights.append(RISE_M - distance)
+    rim = np.array(heights)  # (2 RIM, n): height of the surface above the plane through the middle
+    rim = np.where(np.isfinite(rim), rim, -1.0)
+    # The plane that fits the lip: its tilt turns the cup, what is left is for the bellows.
+    cosines, sines = np.cos(angles), np.sin(angles)
+    tilt_a = 2.0 / RIM * (cosines @ rim[:RIM]) / gripper.cup_radius_m
+    tilt_b = 2.0 / RIM * (sines @ rim[:RIM]) / gripper.cup_radius_m
+    fitted = gripper.cup_radius_m * (np.outer(cosines, tilt_a) + np.outer(sines, tilt_b))
+    rest = np.concatenate([rim[:RIM] - fitted, rim[RIM:] - 0.5 * fitted, np.zeros((1, len(point)))])
+    good = (np.ptp(rest, axis=0) < gripper.bellows_m) & (np.hypot(tilt_a, tilt_b) < 0.35)
+    mean = outward - tilt_a[:, None] * first - tilt_b[:, None] * second
+    return good, mean / np.linalg.norm(mean, axis=1)[:, None], np.maximum(rest.max(axis=0), 0.0)
+
+
+def _poses(outward: Array, point: Array) -> list[Array]:
+    """Return the TCP poses of a cup at `point`, the hand turned about it."""
+    z = -outward
+    helper = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    y = np.cross(z, helper)
+    y /= np.linalg.norm(y)
+    x = np.cross(y, z)
+    return [frame(z, np.cos(a) * y + np.sin(a) * x, point) for a in ROLLS_RAD]
