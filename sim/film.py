@@ -6,7 +6,7 @@ import os
 import struct
 import sys
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,11 +63,15 @@ def write_film(scene: Scene, motion: Motion, path: str | Path, options: FilmOpti
     Raises EnvironmentNeeded when OpenGL, or for .mp4 imageio-ffmpeg, is missing.
     """
     options = options or FilmOptions()
-    target = Path(path)
+    return write_images(frames(scene, motion, options), Path(path), options)
+
+
+def write_images(images: Iterator[NDArray[np.uint8]], target: Path, options: FilmOptions) -> Path:
+    """Return `target` after writing images (height, width, 3) there: a .mp4 file, else a folder of PNG frames."""
     if target.suffix.lower() == ".mp4":
-        return _write_mp4(frames(scene, motion, options), target, options)
+        return _write_mp4(images, target, options)
     folder = writable_folder(target)
-    for number, frame in enumerate(frames(scene, motion, options)):
+    for number, frame in enumerate(images):
         write_atomic(folder / f"frame_{number:04d}.png", png(frame))
     return folder
 
@@ -75,25 +79,40 @@ def write_film(scene: Scene, motion: Motion, path: str | Path, options: FilmOpti
 def frames(scene: Scene, motion: Motion, options: FilmOptions | None = None) -> Iterator[NDArray[np.uint8]]:
     """Yield images (height, width, 3) of the motion at even times. Raises EnvironmentNeeded without OpenGL."""
     options = options or FilmOptions()
-    with _opengl(options):
-        import mujoco
+    compiled = compile_scene(scene)
+    duration = float(motion.times[-1])
+    count = max(2, round(duration * options.slow_motion * options.fps) + 1)
 
-        model = _shown(scene, options)
-        data = mujoco.MjData(model)
-        compiled = compile_scene(scene)
-        context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
-        view = mujoco.MjvScene(model, maxgeom=4 * model.ngeom + 100)
-        camera, settings = _camera(scene, options), mujoco.MjvOption()
-        box = mujoco.MjrRect(0, 0, options.width, options.height)
-        image = np.zeros((options.height, options.width, 3), dtype=np.uint8)
-        duration = float(motion.times[-1])
-        count = max(2, round(duration * options.slow_motion * options.fps) + 1)
+    def states(data: Any) -> Iterator[None]:
         for time in np.linspace(0.0, duration, count):
             nearest = int(np.abs(motion.times - time).argmin())
             data.qpos[compiled.qpos] = motion.poses[nearest]
-            mujoco.mj_forward(model, data)
-            mujoco.mjv_updateScene(model, data, settings, None, camera, mujoco.mjtCatBit.mjCAT_ALL, view)
+            yield
+
+    yield from rendered(_shown(scene), _camera(scene, options), states, options)
+
+
+def rendered(
+    model: Any, camera: Any, states: Callable[[Any], Iterator[None]], options: FilmOptions
+) -> Iterator[NDArray[np.uint8]]:
+    """Yield an image (height, width, 3) of the MjSpec `model` for every state that `states` puts into its MjData.
+
+    Raises EnvironmentNeeded without OpenGL.
+    """
+    with _opengl(options):
+        import mujoco
+
+        compiled = _lit(model, options).compile()
+        data = mujoco.MjData(compiled)
+        context = mujoco.MjrContext(compiled, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
+        view = mujoco.MjvScene(compiled, maxgeom=4 * compiled.ngeom + 100)
+        settings = mujoco.MjvOption()
+        box = mujoco.MjrRect(0, 0, options.width, options.height)
+        image = np.zeros((options.height, options.width, 3), dtype=np.uint8)
+        for _ in states(data):
+            mujoco.mj_forward(compiled, data)
+            mujoco.mjv_updateScene(compiled, data, settings, None, camera, mujoco.mjtCatBit.mjCAT_ALL, view)
             mujoco.mjr_render(box, view, context)
             mujoco.mjr_readPixels(image, None, box, context)
             yield np.ascontiguousarray(image[::-1])
@@ -189,8 +208,8 @@ def _context(kind: str, options: FilmOptions) -> Any:
     return GLContext(options.width, options.height)
 
 
-def _shown(scene: Scene, options: FilmOptions) -> Any:
-    """Return the model with the parts' surfaces to look at and the collision shapes hidden."""
+def _shown(scene: Scene) -> Any:
+    """Return the MjSpec with the parts' surfaces to look at and the collision shapes hidden."""
     import mujoco
 
     out = spec(scene)
@@ -215,6 +234,13 @@ def _shown(scene: Scene, options: FilmOptions) -> Any:
             group=1,
             rgba=[*colour(scene.assembly, int(index)), 1.0],
         )
+    return out
+
+
+def _lit(out: Any, options: FilmOptions) -> Any:
+    """Return the MjSpec with light, background and an image of the right size."""
+    import mujoco
+
     visual = out.visual.global_
     visual.offwidth, visual.offheight = options.width, options.height
     out.visual.quality.offsamples = 0
@@ -230,7 +256,7 @@ def _shown(scene: Scene, options: FilmOptions) -> Any:
         width=16,
         height=96,
     )
-    return out.compile()
+    return out
 
 
 def _camera(scene: Scene, options: FilmOptions) -> Any:

@@ -9,7 +9,21 @@ import sys
 import traceback
 from collections.abc import Sequence
 
-from mocca_robot.cli import check, cite, compare, design, export, info, plan, run, sequence, simulate, study, view
+from mocca_robot.cli import (
+    check,
+    cite,
+    compare,
+    design,
+    export,
+    info,
+    plan,
+    rehearse,
+    run,
+    sequence,
+    simulate,
+    study,
+    view,
+)
 from mocca_robot.cli.console import Console
 from mocca_robot.errors import MoccaError
 
@@ -58,7 +72,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"mocca-robot {info.own_version()}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for command in (run, design, simulate, study, view, check, sequence, plan, export, info, cite):
+    for command in (run, design, simulate, study, view, check, sequence, plan, rehearse, export, info, cite):
         command.add(commands)
     if importlib.util.find_spec(compare.COMPARISON) is not None:
         compare.add(commands)

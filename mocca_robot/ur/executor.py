@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from mocca_robot.ur.gripper import holds
 from mocca_robot.ur.insertion import insert
 from mocca_robot.ur.interface import Arm
-from mocca_robot.ur.journal import Journal, utc_now
+from mocca_robot.ur.journal import utc_now
 from mocca_robot.ur.plan import Move, MoveKind, Plan, Step
 from mocca_robot.ur.status import ExecutionEvent, ExecutionStatus, Outcome
 
@@ -16,6 +17,14 @@ GUARDED = frozenset({MoveKind.APPROACH, MoveKind.PICK})
 ZEROED = frozenset({MoveKind.TRANSIT, MoveKind.APPROACH, MoveKind.INSERT})
 """Moves before which the force sensor is zeroed: the hand hangs free then. A pick keeps its approach's zero."""
 Listener = Callable[[ExecutionEvent], None]
+
+
+class Log(Protocol):
+    """Where events go before the next motion begins: a journal on disk, or the notes of a rehearsal."""
+
+    def append(self, event: ExecutionEvent) -> None:
+        """Keep one event, durably where that matters."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -36,7 +45,7 @@ class Execution:
 class _Recorder:
     """Journal, listener and list in one; the journal comes first, so that what is seen is also remembered."""
 
-    def __init__(self, journal: Journal, listener: Listener | None) -> None:
+    def __init__(self, journal: Log, listener: Listener | None) -> None:
         self.journal = journal
         self.listener = listener
         self.events: list[ExecutionEvent] = []
@@ -48,7 +57,7 @@ class _Recorder:
             self.listener(event)
 
 
-def execute(plan: Plan, arm: Arm, journal: Journal, first_step: int = 0, listener: Listener | None = None) -> Execution:
+def execute(plan: Plan, arm: Arm, journal: Log, first_step: int = 0, listener: Listener | None = None) -> Execution:
     """Return how building `plan` on `arm` ended, from `first_step` on.
 
     Every event is in the journal before the next motion begins. The first motion that does not succeed ends the
@@ -94,7 +103,7 @@ def _run_move(plan: Plan, step: Step, move: Move, arm: Arm, note: Callable[..., 
     if move.kind in ZEROED:
         outcome = arm.zero_force()
     if outcome.succeeded and move.kind is MoveKind.INSERT:
-        outcome = insert(arm, step, move, limits, note)
+        outcome = insert(arm, step, move, limits, note, outcome.state)
     elif outcome.succeeded and len(move.path) > 1:
         guard = limits.contact_force_n if move.kind in GUARDED else None
         outcome = arm.follow(move.path, force_limit_n=move.force_limit_n, contact_force_n=guard)

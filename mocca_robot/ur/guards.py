@@ -23,6 +23,8 @@ BEYOND_M = 0.003
 """Pushed farther than planned by this, or back by it, the part is not where it was thought to be."""
 PUSH_GRACE_S = 0.3
 """Force mode needs a moment to get going; standing still before that is no jam."""
+PRESSED_SHARE = 0.8
+"""Of the push force: a part that resists this much within the tolerance of its depth has been pressed home."""
 STALL_S = 1.0
 STILL_RAD_S = 0.01
 
@@ -89,7 +91,11 @@ class PushGuard:
         return self.depth_m
 
     def check(self, state: ArmState, force_limit_n: float) -> bool:
-        """Return whether the depth is reached; Stopped for forces, tilt, travel off the line, or a jam."""
+        """Return whether the part is in its seat; Stopped for forces, tilt, travel off the line, or a jam.
+
+        It is there once it resists the push within the tolerance of its depth: a part that is let go before it touches
+        its seat falls the rest of the way. One that meets nothing counts as there at the far end of the tolerance.
+        """
         check_forces(state, self._bias, self.limits, force_limit_n, None)
         tilt = angle_rad(state.tcp, self.start.tcp)
         if tilt > self.limits.abort_tilt_rad:
@@ -105,9 +111,11 @@ class PushGuard:
             low, high = -1e3 * BEYOND_M, 1e3 * (self.wanted_m + BEYOND_M)
             detail = f"{1e3 * depth:.1f} mm along the axis, allowed {low:g} to {high:.1f} mm"
             raise Stopped(ExecutionStatus.TRAVEL_LIMIT, detail, state)
-        if depth >= self.wanted_m - 0.5 * self.limits.depth_tolerance_m:
-            return True
         felt = abs(float(np.subtract(state.force, self._bias)[:3] @ self.axis))
+        beyond = depth - self.wanted_m
+        pressed = felt >= PRESSED_SHARE * self.limits.push_force_n
+        if (abs(beyond) <= self.limits.depth_tolerance_m and pressed) or beyond >= self.limits.depth_tolerance_m:
+            return True
         self._history.append((state.time_s, depth, felt))
         self._check_jam(state)
         return False

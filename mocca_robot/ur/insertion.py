@@ -7,6 +7,7 @@ direction cannot catch, and another direction of the cone cannot be blocked by t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,24 +15,31 @@ from mocca_robot.assembly import Array
 from mocca_robot.ur.interface import Arm
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.plan import Move, Step, Waypoint, insertion_axis
-from mocca_robot.ur.status import ExecutionStatus, Outcome
+from mocca_robot.ur.status import ArmState, ExecutionStatus, Outcome
 
 RETRYABLE = frozenset({ExecutionStatus.JAMMED, ExecutionStatus.TRAVEL_LIMIT})
 BRIDGE_POINTS = 8
 
 
-def insert(arm: Arm, step: Step, move: Move, limits: Limits, note: Callable[..., None]) -> Outcome:
+def insert(
+    arm: Arm, step: Step, move: Move, limits: Limits, note: Callable[..., None], at: ArmState | None = None
+) -> Outcome:
     """Return how the insertion of `step`'s part ended: SUCCEEDED by measured depth, or why the last attempt failed.
 
     The first attempt runs along the move's own path; up to `limits.retries` more along its alternatives, in their
     order (the own path again when they are used up). Each retry starts after a retreat along the reversed direction.
+    `at` is the measured state in which it begins: an arm that stands a little ahead of the path's start, or behind it,
+    pushes less or more, so that the part ends where it belongs. Depths in outcomes count from the path's start.
     """
     paths: Sequence[Sequence[Waypoint]] = (move.path, *move.alternatives)
     outcome = Outcome(ExecutionStatus.SUCCEEDED)
     for attempt in range(1 + limits.retries):
         path = paths[attempt % len(paths)]
         axis, depth = insertion_axis(path)
-        outcome = arm.push(axis, depth, force_limit_n=move.force_limit_n)
+        ahead = 0.0 if at is None else float(np.subtract(at.tcp[:3], path[0].tcp[:3]) @ axis)
+        outcome = arm.push(axis, depth - ahead, force_limit_n=move.force_limit_n)
+        if outcome.depth_m is not None:
+            outcome = replace(outcome, depth_m=ahead + outcome.depth_m)
         if outcome.status not in RETRYABLE or attempt == limits.retries:
             return outcome
         note("attempt_failed", outcome, attempt)
@@ -44,6 +52,7 @@ def insert(arm: Arm, step: Step, move: Move, limits: Limits, note: Callable[...,
         zeroed = arm.zero_force()
         if not zeroed.succeeded:
             return zeroed
+        at = zeroed.state
     return outcome
 
 

@@ -168,7 +168,7 @@
       gl.uniform3fv(shader.at.pivot, part.centroid);
       gl.uniform3fv(shader.at.shift, place.shift);
       gl.uniform4fv(shader.at.turn, place.turn);
-      const fill = part.colour < 0 ? colours.fixed : colours.parts[part.colour];
+      const fill = Array.isArray(part.colour) ? part.colour : part.colour < 0 ? colours.fixed : colours.parts[part.colour];
       for (const [set, mode, rgb, flat, bias] of [[mesh.faces, gl.TRIANGLES, fill, 0, 0], [mesh.edges, gl.LINES, colours.edge, 1, 2e-4]]) {
         gl.uniform4fv(shader.at.colour, [...rgb, 1]);
         gl.uniform1f(shader.at.flat_, flat);

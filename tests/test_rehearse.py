@@ -1,0 +1,178 @@
+"""Rehearsals in MuJoCo: parts are grasped, carried, slid in and let go; what goes wrong is seen and said."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+
+from mocca_robot.assembly import Assembly, Part, Polygon
+from mocca_robot.cli import main
+from mocca_robot.contacts import find_contacts
+from mocca_robot.design import Design, Insertion
+from mocca_robot.errors import InputError
+from mocca_robot.files.design_json import write_design
+from mocca_robot.ur.models import MODELS
+from mocca_robot.ur.plan import Plan, write_plan
+from mocca_robot.ur.plan_reader import file_sha256
+from mocca_robot.ur.status import ExecutionStatus
+from planners.build_plan import build_plan
+from planners.cell import RobotCell, read_cell
+from planners.site import site
+from sim.cell_force import hand_wrench
+from sim.cell_model import Moment, Workplace, compile_moment, seat, workplace
+from sim.rehearsal import Options, Rehearsal, rehearse
+from sim.rehearsal_json import rehearsal_to_data
+
+ROOT = Path(__file__).resolve().parents[1]
+SCHEMA = json.loads((ROOT / "docs" / "schemas" / "rehearsal.schema.json").read_text(encoding="utf-8"))
+QUICK = Options(speed=4.0)
+
+
+def block(name: str, x: float, y: float, w: float, h: float, fixed: bool = False) -> Part:
+    corners = np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
+    return Part(name, Polygon(corners), fixed=fixed)
+
+
+def pile(overhang: float = -0.03) -> Design:
+    """One block on a base, its middle `overhang` beyond the base's edge."""
+    blocks = (block("base", -0.02, 0, 0.1, 0.03, True), block("b0", 0.05 + overhang, 0.03, 0.06, 0.05))
+    down = (Insertion("b0", np.array([0.0, -1.0]), float(np.deg2rad(80))),)
+    assembly = Assembly("pile", blocks, alpha_rad=np.deg2rad(10))
+    return Design(assembly, assembly, (), down, ())
+
+
+@cache
+def cell() -> RobotCell:
+    return replace(read_cell(ROOT / "configs" / "cells" / "ur5e_2f85.yaml"), build_size_m=None)
+
+
+def plan_for(design: Design, supports: tuple[str, ...] = ()) -> Plan:
+    built = build_plan(design, cell(), "0" * 64, supports=supports)
+    assert built.plan is not None, [r.reasons for r in built.reports]
+    return built.plan
+
+
+@cache
+def good() -> Rehearsal:
+    return rehearse(plan_for(pile()), pile(), QUICK)
+
+
+def place_of(design: Design) -> Workplace:
+    where = site(design.assembly, cell())
+    return workplace(cell(), where, find_contacts(where.assembly).contacts, 0.0, 0.5)
+
+
+def test_a_block_is_grasped_carried_pressed_home_and_stands() -> None:
+    result = good()
+    part = result.parts[0]
+    assert result.succeeded and part.succeeded, part
+    assert part.width_m == pytest.approx(0.02, abs=5e-4)
+    assert part.held is True and part.slip_m is not None and part.slip_m < 1e-3
+    assert part.depth_m == pytest.approx(part.wanted_m, abs=1e-3)
+    assert 0.0 < (part.peak_force_n or 0.0) < result.plan.steps[0].moves[0].force_limit_n
+    assert part.touches == ()
+    assert part.standing is not None and part.standing.displacement_m < 1e-3
+
+
+def test_the_same_rehearsal_says_the_same_and_fits_its_schema() -> None:
+    data, again = rehearsal_to_data(good()), rehearsal_to_data(rehearse(plan_for(pile()), pile(), QUICK))
+    jsonschema.Draft202012Validator(SCHEMA).validate(data)
+    assert {**again, "seconds": 0.0} == {**data, "seconds": 0.0}
+
+
+def test_what_only_a_support_holds_falls_without_it() -> None:
+    design = pile(overhang=0.005)
+    result = rehearse(plan_for(design, ("b0",)), design, QUICK)
+    assert [p.succeeded for p in result.parts] == [True]
+    assert result.whole is not None and result.whole.stands is False and result.whole.moved == ("b0",)
+    assert not result.succeeded
+
+
+def test_pads_without_grip_lose_the_part_and_the_build_ends_there() -> None:
+    result = rehearse(plan_for(pile()), pile(), replace(QUICK, pad_friction=0.01))
+    part = result.parts[0]
+    assert not result.succeeded and result.whole is None
+    assert part.status is not ExecutionStatus.SUCCEEDED or part.standing is None or not part.standing.stands
+    assert part.slip_m is None or part.slip_m > 1e-3
+
+
+def test_errors_in_the_tray_are_drawn_from_the_seed() -> None:
+    noisy = replace(QUICK, noise_m=3e-4, noise_rad=math.radians(0.5), seed=3)
+    results = [rehearse(plan_for(pile()), pile(), o) for o in (noisy, replace(noisy, seed=4))]
+    assert all(r.succeeded for r in results), [r.parts for r in results]
+    slips = [r.parts[0].slip_m for r in results]
+    assert slips[0] != slips[1]
+
+
+def test_interrupted_rehearsal_keeps_what_it_saw() -> None:
+    calls = iter(range(10**9))
+    result = rehearse(plan_for(pile()), pile(), QUICK, cancelled=lambda: next(calls) > 200)
+    assert result.interrupted and not result.succeeded
+    assert [p.status for p in result.parts] == [ExecutionStatus.CANCELLED]
+    jsonschema.Draft202012Validator(SCHEMA).validate(rehearsal_to_data(result))
+
+
+@pytest.mark.parametrize("name", sorted(MODELS))
+def test_every_arm_holds_its_pose_against_gravity(name: str) -> None:
+    import mujoco
+
+    place = replace(place_of(pile()), cell=replace(cell(), model=MODELS[name]))
+    model = compile_moment(place, Moment("fetch", None, (), (0,)), {0: seat(place.assembly.parts[0])})
+    data = mujoco.MjData(model)
+    pose = np.array([0.3, -1.2, 1.4, -1.7, -1.5, 0.4])
+    data.qpos[:6] = data.ctrl[:6] = pose
+    mujoco.mj_step(model, data, 200)
+    assert np.abs(data.qpos[:6] - pose).max() < 1e-6
+    flange = MODELS[name].frames(pose)[-1]
+    assert np.allclose(place.turn @ data.body("flange").xpos + place.shift, flange[:3, 3], atol=1e-6)
+
+
+def test_the_hand_feels_the_weight_that_rests_on_it() -> None:
+    import mujoco
+
+    place = place_of(pile())
+    parts = place.assembly.parts
+    model = compile_moment(place, Moment("rest", None, (1,), (0,)), {k: seat(p) for k, p in enumerate(parts)})
+    data = mujoco.MjData(model)
+    data.qpos[:6] = data.ctrl[:6] = cell().home
+    mujoco.mj_step(model, data, 500)
+    base = np.zeros(model.nbody, dtype=bool)
+    base[model.body("part base").id] = True
+    wrench = hand_wrench(model, data, base, np.array(seat(parts[1]).position))
+    assert wrench[:3] == pytest.approx([0.0, 0.0, -9.80665 * parts[1].mass], abs=1e-3)
+    assert np.abs(wrench[3:]).max() < 1e-4
+
+
+def test_the_command_writes_its_verdict_and_its_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    design = write_design(pile(), tmp_path)
+    built = build_plan(pile(), cell(), file_sha256(design), design_path="design.json")
+    assert built.plan is not None
+    write_plan(built.plan, tmp_path / "plan.json")
+    assert main(["rehearse", str(tmp_path / "plan.json"), "--speed", "8", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["succeeded"] and said["parts"][0]["part"] == "b0"
+    stored = json.loads((tmp_path / "rehearsal.json").read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator(SCHEMA).validate(stored)
+    page = (tmp_path / "rehearsal.html").read_text(encoding="utf-8")
+    assert "pile: rehearsal" in page and "http://" not in page.replace("http://www.w3.org", "")
+    design.write_text(design.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    assert main(["rehearse", str(tmp_path / "plan.json")]) == 2
+    assert "the design was altered" in capsys.readouterr().err
+
+
+def test_plans_that_cannot_be_rehearsed_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = plan_for(pile())
+    bare = replace(plan, cell=replace(plan.cell, extra={}))
+    with pytest.raises(InputError, match="does not describe its cell"):
+        rehearse(bare, pile())
+    for options, words in ((["--speed", "0"], "speed is 0"), (["--pose-noise", "x"], "write millimetres")):
+        write_plan(plan, tmp_path / "plan.json")
+        assert main(["rehearse", str(tmp_path / "plan.json"), *options]) == 2
+        assert words in capsys.readouterr().err
