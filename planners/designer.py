@@ -81,8 +81,19 @@ def design(
 
     Raises InputError when parts overlap, float free, or none is fixed.
     """
+    # Load cases run side by side; a pool of threads inside each would only get in their way.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _designed(assembly, options or JointOptions(), insertion, contacts, progress)
+
+
+def _designed(
+    assembly: Assembly,
+    options: JointOptions,
+    insertion: Mapping[str, Array] | None,
+    contacts: ContactReport | None,
+    progress: Progress | None,
+) -> Designed:
     started = time.perf_counter()
-    options = options or JointOptions()
     report = contacts or find_contacts(assembly)
     require_sound(assembly, report)
     # Between two fixed parts nothing is carried and nothing is inserted.
@@ -117,9 +128,7 @@ def design(
         impossible = None if proof is None else (required[proof.case].name, proof)
         kinematic = time.perf_counter() - started
         if impossible is None:
-            # Load cases run side by side already; a pool of threads inside each would only get in their way.
-            with threadpool_limits(limits=1, user_api="blas"):
-                shapes, polished = search(problem, start, progress)
+            shapes, polished = search(problem, start, progress)
             problem = replace(problem, shapes=shapes)
         realization = time.perf_counter() - started - kinematic
     result = _built(assembly, problem, given, required, before.infeasibility, polished)
