@@ -47,7 +47,6 @@ class PairBlocks:
 
     Attributes:
         dof: 3 or 6.
-        size: number of unknowns n.
         first, second: (P,) which free part is i and j of every pair; the number of free parts stands for ground.
         buckets: the rays.
         source: (M,) ray of every row; rays between fixed parts have no row.
@@ -69,28 +68,35 @@ class PairBlocks:
 
         `together` rays of a pair that follow each other stay together and are only repeated together.
         """
+        n_parts = len(system.free)
         centre = system.about[system.free].mean(axis=0)
-        number = np.full(len(system.free), int(system.free.sum()))
+        number = np.full(n_parts, int(system.free.sum()))
         number[system.free] = np.arange(int(system.free.sum()))
-        moved = system.free[system.pairs].any(axis=1)
-        keys = system.pairs[:, 0] * len(system.free) + system.pairs[:, 1]
-        order = np.flatnonzero(moved)[np.argsort(keys[moved], kind="stable")]
-        unique, starts, counts = np.unique(keys[order], return_index=True, return_counts=True)
-        rays = _about(system.rays_j, system.about[system.pairs[:, 1]] - centre, system.length)
-        buckets, sources, used = [], [], 0
+        keys = system.pairs[:, 0] * n_parts + system.pairs[:, 1]
+        order = np.arange(len(keys))
+        if (np.diff(keys) < 0).any():
+            order = np.argsort(keys, kind="stable")
+        moved = np.asarray(system.free[system.pairs].any(axis=1))
+        if not moved.all():
+            order = order[moved[order]]
+        keys = keys[order]
+        new = np.flatnonzero(np.diff(keys, prepend=-1))
+        first, second = number[keys[new] // n_parts], number[keys[new] % n_parts]
+        offset = (system.about - centre)[system.pairs[order, 1]]
+        rays = _about(system.rays_j[order], offset, system.length)
+        counts = np.diff(np.r_[new, len(keys)])
         stored = _round_up(counts // together) * together
+        buckets, sources, used = [], [], 0
         for m in np.unique(stored):
             mine = np.flatnonzero(stored == m)
             # A pair with fewer rays repeats some of them: a repeated constraint changes nothing.
-            take = order[starts[mine, None] + np.arange(m) % counts[mine, None]]
-            buckets.append(
-                Bucket(mine, np.ascontiguousarray(rays[take].transpose(0, 2, 1)), slice(used, used + take.size))
-            )
-            sources.append(take.ravel())
+            take = new[mine, None] + np.arange(m) % counts[mine, None]
+            transposed = np.ascontiguousarray(rays[take].transpose(0, 2, 1))
+            buckets.append(Bucket(mine, transposed, slice(used, used + take.size)))
+            sources.append(order[take.ravel()])
             used += take.size
-        first, second = number[unique // len(system.free)], number[unique % len(system.free)]
-        to_own = _shift(system.about[system.free] - centre, system.length)
         source = np.concatenate(sources) if sources else np.zeros(0, dtype=np.int64)
+        to_own = _shift(system.about[system.free] - centre, system.length)
         return cls(system.dof, first, second, tuple(buckets), source, len(system.pairs), to_own)
 
     @property
@@ -108,27 +114,32 @@ class PairBlocks:
         keep = rows < n_free
         return sp.csr_array((signs[keep], (rows[keep], columns[keep])), shape=(n_free, len(pair)))
 
+    def relative(self, u: Array) -> Array:
+        """Return (P, dof) the relative motion u_j − u_i of every pair, for motions u (n,) about the common point."""
+        motions = np.zeros((len(self.to_own) + 1, self.dof))
+        motions[:-1] = u.reshape(-1, self.dof)
+        return np.asarray(motions[self.second] - motions[self.first])
+
     def times(self, u: Array) -> Array:
-        """Return B u, (…, M), for motions u (…, n) about the common point."""
-        lead = u.shape[:-1]
-        motions = np.concatenate([u.reshape(*lead, -1, self.dof), np.zeros((*lead, 1, self.dof))], axis=-2)
-        relative = motions[..., self.second, :] - motions[..., self.first, :]
+        """Return B u, (M,), for motions u (n,) about the common point."""
+        relative = self.relative(u)
         if len(self.buckets) == 1:
-            return np.asarray((relative[..., None, :] @ self.buckets[0].rays).reshape(*lead, -1))
-        out = np.empty((*lead, len(self.source)))
+            return np.asarray((relative[:, None, :] @ self.buckets[0].rays).ravel())
+        out = np.empty(len(self.source))
         for b in self.buckets:
-            out[..., b.rows] = (relative[..., b.pairs, None, :] @ b.rays).reshape(*lead, -1)
+            out[b.rows] = (relative[b.pairs, None, :] @ b.rays).ravel()
         return out
 
     def transposed_times(self, y: Array) -> Array:
-        """Return Bᵀ y, (…, n), for one number y (…, M) a row."""
-        lead = y.shape[:-1]
-        wrench = np.empty((*lead, len(self.first), self.dof))
+        """Return Bᵀ y, (n,), for one number y (M,) a row."""
+        wrench = np.empty((len(self.first), self.dof))
         for b in self.buckets:
-            wrench[..., b.pairs, :] = (b.rays @ y[..., b.rows].reshape(*lead, len(b.pairs), -1, 1))[..., 0]
-        if not lead:
-            return np.asarray((self.incidence @ wrench).ravel())
-        return np.stack([(self.incidence @ one).ravel() for one in wrench])
+            wrench[b.pairs] = (b.rays @ y[b.rows].reshape(len(b.pairs), -1, 1))[..., 0]
+        return np.asarray((self.incidence @ wrench).ravel())
+
+    def forces(self, z: Array) -> Array:
+        """Return (C,) the force along every ray of the system from multipliers z (M,) of the rows."""
+        return np.asarray(np.bincount(self.source, weights=z, minlength=self.n_rays), dtype=np.float64)
 
     def gram(self, d: Array) -> Array:
         """Return (P, dof, dof) H_p = R_pᵀ diag(d) R_p for weights d (M,)."""
@@ -139,15 +150,12 @@ class PairBlocks:
         return out
 
     def own_transposed(self, w: Array) -> Array:
-        """Return Yᵀ w, wrenches (…, n) about the common point."""
-        return np.asarray((self.to_own.transpose(0, 2, 1) @ self._by_part(w)).reshape(w.shape))
+        """Return Yᵀ w, wrenches (n,) about the common point."""
+        return np.asarray((self.to_own.transpose(0, 2, 1) @ w.reshape(-1, self.dof, 1)).ravel())
 
     def inertia_times(self, u: Array) -> Array:
-        """Return YᵀY u, (…, n)."""
-        return np.asarray((self.mass @ self._by_part(u)).reshape(u.shape))
-
-    def _by_part(self, x: Array) -> Array:
-        return x.reshape(*x.shape[:-1], -1, self.dof, 1)
+        """Return YᵀY u, (n,)."""
+        return np.asarray((self.mass @ u.reshape(-1, self.dof, 1)).ravel())
 
     @cached_property
     def mass(self) -> Array:
@@ -247,12 +255,15 @@ def _round_up(counts: IntArray) -> IntArray:
 def _about(rays: Array, offset: Array, length: float) -> Array:
     """Return rays [n; (r − a) × n / L] moved to a point that lies −offset from their a: r − a + offset."""
     d = offset.shape[1]
-    n = rays[:, :d]
+    n, x = rays[:, :d], offset / length
+    moved = rays.copy()
     if d == 2:
-        extra = (offset[:, 0] * n[:, 1] - offset[:, 1] * n[:, 0])[:, None]
+        moved[:, 2] += x[:, 0] * n[:, 1] - x[:, 1] * n[:, 0]
     else:
-        extra = np.cross(offset, n)
-    return np.concatenate([n, rays[:, d:] + extra / length], axis=1)
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            moved[:, 3 + k] += x[:, i] * n[:, j] - x[:, j] * n[:, i]
+    return moved
 
 
 def _shift(offset: Array, length: float) -> Array:

@@ -15,7 +15,6 @@ from mocca_robot.assembly import Array
 from mocca_robot.statics import lorentz
 from mocca_robot.statics.blocks import NotPositiveDefinite, PairBlocks
 from mocca_robot.statics.interior_point import (
-    BALANCED,
     MAX_ITERATIONS,
     NEARLY_BALANCED,
     SMALL_GAP,
@@ -24,6 +23,8 @@ from mocca_robot.statics.interior_point import (
 )
 from mocca_robot.statics.solvers import SolverFailed
 
+BALANCED = 1e-9
+"""Unbalanced share of the load that proves equilibrium: three orders below the verdict's tolerance."""
 TOLERANCE = 1e-9
 """Gap to reach, relative to |w|²; stationarity and feasibility may be four times that."""
 
@@ -38,7 +39,7 @@ def solve_friction_cones(blocks: PairBlocks, w: Array) -> Array:
     z, residual = _multipliers(blocks, blocks.own_transposed(w))
     if residual > 1e-6:
         raise SolverFailed(f"The interior point with friction stopped at a relative residual of {residual:.1e}.")
-    return np.asarray(np.bincount(blocks.source, weights=_flat(z), minlength=blocks.n_rays))
+    return blocks.forces(_flat(z))
 
 
 def _multipliers(blocks: PairBlocks, pull: Array) -> tuple[Array, float]:
