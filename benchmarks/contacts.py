@@ -1,4 +1,4 @@
-"""Contact detection and verdict of whole walls, against compas_cra where an interpreter that has it is named."""
+"""Contact detection, and verdicts, of walls and domes; against COMPAS where an interpreter that has it is named."""
 
 from __future__ import annotations
 
@@ -6,38 +6,66 @@ import json
 import os
 import subprocess
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.growth import dome
 from benchmarks.measurement import Measurement, Outcome, measure
 from mocca_robot.assembly import Assembly, Mesh, Part
 from mocca_robot.contacts import find_contacts
+from mocca_robot.facets import facets
 from mocca_robot.loads import load_cases
+from mocca_robot.tolerances import TOLERANCES
 from mocca_robot.verify import solve_case
 
 COMPAS_PYTHON = "MOCCA_COMPAS_PYTHON"
-"""Environment variable: a Python interpreter that has compas_cra; it needs its own environment."""
+"""Environment variable: a Python interpreter that has compas_cra; `make compas` makes one."""
+PEERS = ("compas_assembly", "compas_cra")
 FRICTION = 0.6
+PEER_PARTS = {"quick": 160, "all": 520}
+"""Parts up to which peers are asked: their time grows fast."""
 
 
 def contacts(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
-    """Yield rows for running-bond walls: contacts found out of how many, and the verdict with friction 0.6."""
-    for blocks in (20, 150) if quick else (20, 150, 500):
-        assembly, expected = box_wall(blocks)
-        name = f"wall-{blocks}"
+    """Yield rows for detection alone, with the pairs found out of how many, and with the verdict (friction 0.6)."""
+    for name in (
+        ("wall-20", "wall-150", "dome-140")
+        if quick
+        else (
+            *(f"wall-{n}" for n in (20, 150, 500, 1000)),
+            *(f"dome-{n}" for n in (140, 1000)),
+        )
+    ):
         if only and only not in name:
             continue
-
-        def ours(assembly: Assembly = assembly, expected: int = expected) -> Outcome:
-            found = find_contacts(assembly).contacts
-            result = solve_case(assembly, found, load_cases(assembly)[0], FRICTION).result
-            return Outcome(f"{result.status.value}, {len(found)} of {expected} contacts", result.kkt)
-
-        yield measure("contacts", name, "ours", ours, repeats=3)
+        kind, size = name.split("-")
+        assembly, expected = box_wall(int(size)) if kind == "wall" else (dome(int(size)), None)
+        yield measure("contacts", name, "ours, contacts", partial(_detected, assembly, expected), repeats=3)
+        yield measure("contacts", name, "ours", partial(_judged, assembly, expected), repeats=3)
         python = os.environ.get(COMPAS_PYTHON)
-        if python and blocks <= 150:
-            yield _compas(name, python, assembly, expected)
+        if python and int(size) <= PEER_PARTS["quick" if quick else "all"]:
+            yield from (_peer(name, python, assembly, expected, tool, None) for tool in PEERS)
+            yield _peer(name, python, assembly, expected, "compas_cra", FRICTION)
+
+
+def _detected(assembly: Assembly, expected: int | None) -> Outcome:
+    return Outcome(_pairs({c.parts for c in find_contacts(assembly).contacts}, expected))
+
+
+def _judged(assembly: Assembly, expected: int | None) -> Outcome:
+    found = find_contacts(assembly).contacts
+    result = solve_case(assembly, found, load_cases(assembly)[0], FRICTION).result
+    return Outcome(f"{result.status.value}, {_pairs({c.parts for c in found}, expected)}", result.kkt)
+
+
+def _pairs(found: set[tuple[int, int]], expected: int | None) -> str:
+    return _words(len(found), expected)
+
+
+def _words(count: int, expected: int | None) -> str:
+    return f"{count} pairs in contact" if expected is None else f"{count} of {expected} pairs in contact"
 
 
 def box_wall(blocks: int) -> tuple[Assembly, int]:
@@ -59,22 +87,39 @@ def _box(x0: float, z0: float, x1: float, z1: float, y: float = 0.5) -> Mesh:
     return Mesh(corners, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]))
 
 
-def _compas(name: str, python: str, assembly: Assembly, expected: int) -> Measurement:
-    """Return compas_cra's row: it detects and solves in its own process and reports its own CPU time."""
-    boxes: list[list[list[float]]] = [_mesh(p).vertices.tolist() for p in assembly.parts]
-    request = json.dumps({"boxes": boxes, "friction": FRICTION})
+def _peer(
+    name: str, python: str, assembly: Assembly, expected: int | None, tool: str, friction: float | None
+) -> Measurement:
+    """Return a peer's row: it detects (and solves) in its own process and reports its own CPU time."""
+    fixed = [k for k, part in enumerate(assembly.parts) if part.fixed]
+    request = {"solids": _polyhedra(assembly), "fixed": fixed, "tool": tool, "friction": friction}
     script = Path(__file__).with_name("compas_peer.py")
+    row = f"{tool}, contacts" if friction is None else tool
     try:
         done = subprocess.run(
-            [python, str(script)], input=request, capture_output=True, text=True, timeout=120, check=True
+            [python, str(script)], input=json.dumps(request), capture_output=True, text=True, timeout=120, check=True
         )
         answer = json.loads(done.stdout.splitlines()[-1])
+    except subprocess.TimeoutExpired:
+        return Measurement("contacts", name, row, 120.0, 0, "timeout", np.nan, np.nan)
     except (subprocess.SubprocessError, OSError, ValueError, IndexError) as error:
-        return Measurement("contacts", name, "compas_cra", np.nan, 0, f"failed: {type(error).__name__}", np.nan, np.nan)
-    verdict = f"{answer['verdict']}, {answer['contacts']} of {expected} contacts"
-    return Measurement("contacts", name, "compas_cra", answer["seconds"], 1, verdict, np.nan, answer["memory_mb"])
+        return Measurement("contacts", name, row, np.nan, 0, f"failed: {type(error).__name__}", np.nan, np.nan)
+    said = _words(answer["pairs"], expected)
+    verdict = said if friction is None else f"{answer['verdict']}, {said}"
+    return Measurement("contacts", name, row, answer["seconds"], 1, verdict, np.nan, answer["memory_mb"])
 
 
-def _mesh(part: Part) -> Mesh:
-    assert isinstance(part.shape, Mesh)
-    return part.shape
+def _polyhedra(assembly: Assembly) -> list[dict[str, object]]:
+    """Return vertices and polygonal faces of every part: what COMPAS expects, where we take triangles."""
+    meshes = [p.shape for p in assembly.parts if isinstance(p.shape, Mesh)]
+    whole = facets(meshes, TOLERANCES.contact_gap * assembly.size)
+    solids: list[dict[str, object]] = []
+    for part in range(len(meshes)):
+        vertices: list[list[float]] = []
+        faces = []
+        for facet in np.flatnonzero(whole.facet_part == part):
+            loop = whole.vertices[whole.loops(int(facet))[0]]
+            faces.append(list(range(len(vertices), len(vertices) + len(loop))))
+            vertices += loop.tolist()
+        solids.append({"vertices": vertices, "faces": faces})
+    return solids

@@ -24,7 +24,7 @@ PUBLIC: dict[str, tuple[str, ...]] = {
     "mocca_robot": (),
     "planners": (),
     "sim": (),
-    "studies": (),
+    "sim.studies": (),
     "mocca_robot.executors": ("LocalProcesses", "WorkerLost", "completed", "executor", "mapped"),
     "mocca_robot.contacts": ("Contact", "ContactReport", "NearMiss", "Overlap", "require_sound"),
     "mocca_robot.motion_cone": ("MotionCone", "generalized_normals", "extreme_rays", "largest_cone"),

@@ -117,7 +117,7 @@ def _find_contacts_2d(assembly: Assembly, tolerances: Tolerances) -> ContactRepo
     found.sort(key=lambda f: (f[0], f[1], f[2], float(f[3][0] @ t[0])))
     contacts: list[Contact] = []
     for i, j, _, segment, normal in found:
-        k = sum(c.parts == (i, j) for c in contacts)
+        k = contacts[-1].k + 1 if contacts and contacts[-1].parts == (i, j) else 0
         contacts.append(Contact((i, j), read_only(segment), read_only(normal), k))
 
     overlaps = _overlaps_2d(assembly, tolerances.overlap_depth * size)

@@ -9,6 +9,7 @@ plane across w, without ever building the swept volume.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -33,12 +34,11 @@ def sweep_blockers_3d(assembly: Assembly, part: int, ways_out: Array) -> tuple[i
         return ()
     moving = _mesh(assembly, part)
     tolerance = SWEEP_TOLERANCE * assembly.size
-    boxes = np.array([_mesh(assembly, other).bounds for other in range(part)])
-    corners = boxes[:, np.arange(8)[:, None] >> np.arange(3) & 1, np.arange(3)]  # (part, 8, 3)
+    corners = _box_corners(assembly)[:part]
     hit: set[int] = set()
     for way in ways_out:
         frame = np.concatenate([plane_axes(way / np.linalg.norm(way)), way[None] / np.linalg.norm(way)])
-        ahead = _Profile(moving.vertices @ frame.T, moving.faces, 1.0, tolerance)
+        ahead = _Profile((moving.vertices @ frame.T)[moving.faces], 1.0, tolerance)
         if len(ahead.corners) == 0:
             continue
         local = corners @ frame.T
@@ -46,10 +46,18 @@ def sweep_blockers_3d(assembly: Assembly, part: int, ways_out: Array) -> tuple[i
         in_line = (low[:, :2] <= ahead.high.max(axis=0)).all(axis=1) & (high[:, :2] >= ahead.low.min(axis=0)).all(
             axis=1
         )
-        for other in np.flatnonzero(in_line & (high[:, 2] >= ahead.heights.min() - tolerance)).tolist():
-            if other not in hit and _meets(ahead, _mesh(assembly, other), frame, tolerance):
-                hit.add(other)
+        in_line &= high[:, 2] >= ahead.heights.min() - tolerance
+        others = [k for k in np.flatnonzero(in_line).tolist() if k not in hit]
+        met = _met(ahead, [_mesh(assembly, k) for k in others], frame, tolerance)
+        hit.update(others[k] for k in met)
     return tuple(sorted(hit))
+
+
+@lru_cache(maxsize=4)
+def _box_corners(assembly: Assembly) -> Array:
+    """Return the corners (N, 8, 3) of the parts' bounding boxes; kept, since every part is swept against them."""
+    boxes = np.array([_mesh(assembly, part).bounds for part in range(len(assembly.parts))])
+    return np.asarray(boxes[:, np.arange(8)[:, None] >> np.arange(3) & 1, np.arange(3)])
 
 
 def _mesh(assembly: Assembly, part: int) -> Mesh:
@@ -62,34 +70,45 @@ class _Profile:
     """Triangles of a mesh that look along the way (`sense` 1) or back (−1), in the frame across it.
 
     `corners` (F, 3, 2) are counter-clockwise, `heights` (F, 3) along the way; triangles seen edge-on are left out.
-    `low` and `high` (F, 2) bound the triangles.
+    `low` and `high` (F, 2) bound the triangles, `kept` (F,) says which of all they are.
     """
 
-    def __init__(self, local: Array, faces: IntArray, sense: float, tolerance: float) -> None:
-        corners = local[faces if sense > 0 else faces[:, ::-1]]
+    def __init__(self, triangles: Array, sense: float, tolerance: float) -> None:
+        corners = triangles if sense > 0 else triangles[:, ::-1]
         ab, ac = corners[:, 1, :2] - corners[:, 0, :2], corners[:, 2, :2] - corners[:, 0, :2]
         bc = ac - ab
         area = 0.5 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
         around = np.sqrt((ab**2).sum(axis=1)) + np.sqrt((ac**2).sum(axis=1)) + np.sqrt((bc**2).sum(axis=1))
         wide = area > 0.5 * tolerance * around
+        self.kept = np.flatnonzero(wide)
         self.corners, self.heights = corners[wide, :, :2], corners[wide, :, 2]
         self.low, self.high = self.corners.min(axis=1), self.corners.max(axis=1)
 
 
-def _meets(ahead: _Profile, other: Mesh, frame: Array, tolerance: float) -> bool:
-    local = other.vertices @ frame.T
+def _met(ahead: _Profile, others: Sequence[Mesh], frame: Array, tolerance: float) -> list[int]:
+    """Return which of `others` the profile meets on its way, by index; all their triangles are compared at once."""
     lowest = float(ahead.heights.min()) - tolerance
     low, high = ahead.low.min(axis=0), ahead.high.max(axis=0)
-    if local[:, 2].max() < lowest or (local[:, :2].max(axis=0) < low).any() or (local[:, :2].min(axis=0) > high).any():
-        return False
-    corners = local[other.faces]
+    triangles, owners = [], []
+    for k, other in enumerate(others):
+        local = other.vertices @ frame.T
+        least, most = local.min(axis=0), local.max(axis=0)
+        if most[2] >= lowest and (most[:2] >= low).all() and (least[:2] <= high).all():
+            triangles.append(local[other.faces])
+            owners.append(np.full(len(other.faces), k))
+    if not triangles:
+        return []
+    corners, owner = np.concatenate(triangles), np.concatenate(owners)
     near = (corners[..., 2].max(axis=1) >= lowest) & (corners[..., :2].max(axis=1) > low).all(axis=1)
     near &= (corners[..., :2].min(axis=1) < high).all(axis=1)
-    back = _Profile(local, other.faces[near], -1.0, tolerance)
+    back = _Profile(corners[near], -1.0, tolerance)
+    owner = owner[near][back.kept]
     apart = (back.low[:, None] >= ahead.high).any(axis=2) | (ahead.low >= back.high[:, None]).any(axis=2)
     behind = back.heights.max(axis=1)[:, None] < ahead.heights.min(axis=1) - tolerance
     b, a = np.nonzero(~(apart | behind))
-    return len(a) > 0 and bool((_meeting_widths(ahead, a, back, b, tolerance) > tolerance).any())
+    if not len(a):
+        return []
+    return [int(k) for k in np.unique(owner[b[_meeting_widths(ahead, a, back, b, tolerance) > tolerance]])]
 
 
 def _meeting_widths(ahead: _Profile, a: IntArray, back: _Profile, b: IntArray, tolerance: float) -> Array:

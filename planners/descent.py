@@ -12,9 +12,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
+import scipy.sparse as sp
 
 from mocca_robot.assembly import Array, BoolArray, IntArray
+from planners.curvature import LARGE, Answer, Curvature, Products, Written, answered, unanswered
 from planners.energy import EnergyResult, Loads, energy, joint_wrenches
 from planners.shapes import Shapes
 
@@ -70,8 +71,6 @@ PATIENCE = 6
 """Steps in which the objective has to fall by three tenths; slower than that it is on its way to a local rest."""
 LONGEST_STEP = 0.2
 """Of any unknown in one step: contact sizes, radians."""
-STIFF = 1e-6
-"""Force per unit of slack, both relative to |w|, below which an active ray yields."""
 
 
 def evaluate(
@@ -220,11 +219,11 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """The objective about one point: value, gradient (n,), Gauss–Newton matrix (n, n), E, worst violation."""
+    """The objective about one point: value, gradient (n,), Gauss–Newton matrix (n × n), E, worst violation."""
 
     value: float
     gradient: Array
-    matrix: Array
+    curvature: Curvature
     result: EnergyResult
     violation: float
 
@@ -261,25 +260,40 @@ def linearised(problem: Problem, layout: Layout, parameters: Parameters, warm: E
         moved = surface_of(problem, ahead)
         changes.append((_wrenches(problem, moved, result) - base) / step)
         bends.append((hinge_values(problem, ahead, moved, shapes.options.alpha_margin_rad) - hinges) / step)
-    gradient, matrix = np.zeros(size), np.zeros((size, size))
+    gradient, matrix = np.zeros(size), np.zeros((size, size) if size <= LARGE else (0, 0))
+    answers: list[Answer] = []
     for k in range(len(loads.gravity)):
+        free = loads.free[k]
+        forces = result.forces[k].ravel()
+        if size > LARGE:
+            sparse = _upset(problem, columns, [change[k] for change in changes], free, size)
+            gradient += ENERGY_WEIGHT * (sparse.T @ result.motions[k][free].ravel())
+            answers.append(answered(result.system, forces, free, sparse))
+            continue
         balance = np.zeros((len(loads.about), loads.wrenches.shape[2], size))
         for p, change in enumerate(changes):
             used = np.flatnonzero(columns[p] >= 0)
             for side in (0, 1):
                 _scatter(balance, pairs[used, side], columns[p, used], change[k, used, side])
-        free = loads.free[k]
         b = balance[free].reshape(-1, size)
         gradient += ENERGY_WEIGHT * (result.motions[k][free].ravel() @ b)
-        left = _unanswered(result, k, free, b)
+        left = unanswered(result.system, forces, free, b)
         matrix += ENERGY_WEIGHT * (left.T @ left)
-    _add_penalties(problem, layout, parameters, hinges, bends, columns, gradient, matrix)
+    slopes, violated = _violated(problem, layout, parameters, hinges, bends, columns)
+    curvature: Curvature
+    if size > LARGE:
+        gradient += 2.0 * PENALTY_WEIGHT * (slopes.T @ violated)
+        curvature = Products.of(answers, np.sqrt(2.0 * PENALTY_WEIGHT) * slopes, ENERGY_WEIGHT)
+    else:
+        written = slopes.toarray()
+        gradient += 2.0 * PENALTY_WEIGHT * (written.T @ violated)
+        curvature = Written(matrix + 2.0 * PENALTY_WEIGHT * (written.T @ written))
     heights = np.zeros(size)
     for h in shapes.heights:
         heights[columns[h, layout.joints]] = parameters.shape[layout.joints, h]
     gradient += 2.0 * SHALLOW_WEIGHT * heights
     strict = hinge_values(problem, parameters, surface, 0.0)
-    return Linear(value, gradient, matrix, result, float(strict.max(initial=0.0)))
+    return Linear(value, gradient, curvature, result, float(strict.max(initial=0.0)))
 
 
 def _scatter(balance: Array, part: IntArray, column: IntArray, change: Array) -> None:
@@ -295,84 +309,73 @@ def _wrenches(problem: Problem, surface: Array, result: EnergyResult) -> Array:
     return joint_wrenches(loads, problem.pairs, points, normals, result.forces, *shapes.transferred(surface))
 
 
-def _unanswered(result: EnergyResult, case: int, free: BoolArray, b: Array) -> Array:
-    """Return R⁻ᵀb with RᵀR = M: what the active forces of a case cannot take up of balance changes b (n, m)."""
-    system, forces = result.system, result.forces[case].ravel()
-    active = np.flatnonzero(forces > 1e-9 * max(float(forces.max(initial=0.0)), 1e-300))
-    rows = system.matrix[active].toarray()[:, np.repeat(free[system.free], system.dof)]
-    matrix = np.eye(rows.shape[1]) + rows.T @ (rows * (forces[active] / STIFF)[:, None])
-    factor = cholesky(matrix, lower=True, overwrite_a=True, check_finite=False)
-    return np.asarray(solve_triangular(factor, b, lower=True, check_finite=False))
+def _upset(problem: Problem, columns: IntArray, changes: list[Array], free: BoolArray, size: int) -> sp.csr_array:
+    """Return (free · dof, n) the balance that each unknown upsets in one case, from its changes (E, 2, dof)."""
+    dof = problem.loads.wrenches.shape[2]
+    place = np.full(len(free), -1)
+    place[free] = np.arange(int(free.sum())) * dof
+    rows, across, values = [], [], []
+    for column, change in zip(columns, changes):
+        for side in (0, 1):
+            used = np.flatnonzero((column >= 0) & (place[problem.pairs[:, side]] >= 0))
+            rows.append((place[problem.pairs[used, side], None] + np.arange(dof)).ravel())
+            across.append(np.repeat(column[used], dof))
+            values.append(change[used, side].ravel())
+    index = (np.concatenate(rows), np.concatenate(across))
+    return sp.csr_array((np.concatenate(values), index), shape=(int(free.sum()) * dof, size))
 
 
-def _add_penalties(
+def _violated(
     problem: Problem,
     layout: Layout,
     parameters: Parameters,
     hinges: Array,
     bends: list[Array],
     columns: IntArray,
-    gradient: Array,
-    matrix: Array,
-) -> None:
+) -> tuple[sp.csr_array, Array]:
+    """Return the slopes (m, n) of the constraints that are violated, and by how much (m,)."""
     joint, row = np.nonzero(hinges > 0.0)
-    if not len(joint):
-        return
-    slopes = np.zeros((len(joint), len(gradient)))
     index = np.arange(len(joint))
+    rows, across, values = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros(0)]
     for p, bend in enumerate(bends):
         known = columns[p, joint] >= 0
-        slopes[index[known], columns[p, joint[known]]] += bend[joint[known], row[known]]
+        rows.append(index[known])
+        across.append(columns[p, joint[known]])
+        values.append(bend[joint[known], row[known]])
     if len(layout.parts):
         _, normals = problem.shapes.rays(surface_of(problem, parameters))
         first = hinges.shape[1] - normals.shape[1]
         place = np.full(len(parameters.axis), -1)
         place[layout.parts] = np.arange(len(layout.parts))
-        about = row >= first
+        about = (row >= first) & (place[problem.pairs[joint, 1]] >= 0)  # the others keep their way out
         later = problem.pairs[joint[about], 1]
         t = layout.tangents.shape[1]
         start = layout.sizes[0] + layout.sizes[1] + place[later] * t
         pull = np.einsum("hd,htd->ht", normals[joint[about], row[about] - first], layout.tangents[later])
         for k in range(t):
-            slopes[index[about], start + k] -= pull[:, k]
-    violated = hinges[joint, row]
-    gradient += 2.0 * PENALTY_WEIGHT * (slopes.T @ violated)
-    matrix += 2.0 * PENALTY_WEIGHT * (slopes.T @ slopes)
-
-
-@dataclass(frozen=True, eq=False)
-class Descent:
-    """Where a descent stands before its next step: enough to go on exactly there.
-
-    Attributes:
-        parameters: where it is.
-        damping: of the next Levenberg–Marquardt step.
-        values: the objective before every step so far.
-    """
-
-    parameters: Parameters
-    damping: float = 1e-3
-    values: tuple[float, ...] = ()
+            rows.append(index[about])
+            across.append(start + k)
+            values.append(-pull[:, k])
+    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(across)))
+    return sp.csr_array(entries, shape=(len(joint), sum(layout.sizes))), hinges[joint, row]
 
 
 def descend(
-    problem: Problem, start: Descent, steps: int, watch: Callable[[Descent, EnergyResult], None] | None
+    problem: Problem, start: Parameters, steps: int, progress: Callable[[int, float], None] | None
 ) -> tuple[Parameters, int]:
-    """Return where Levenberg–Marquardt steps end: everything holds, nothing moves, or `steps` are used up.
-
-    `watch` is shown every step's beginning and E there; steps of `start` count.
-    """
-    parameters, damping, values = start.parameters, start.damping, list(start.values)
+    """Return where Levenberg–Marquardt steps end: everything holds, nothing moves, or `steps` are used up."""
+    parameters, damping = start, 1e-3
     warm: EnergyResult | None = None
-    for count in range(len(values), steps):
+    values: list[float] = []
+    for count in range(steps):
         layout = Layout.of(problem, parameters)
         if not sum(layout.sizes):
             return parameters, count + 1
         here = linearised(problem, layout, parameters, warm)
         warm, worst = here.result, float(here.result.infeasibility.max())
-        if watch is not None:
-            watch(Descent(parameters, damping, tuple(values)), here.result)
         values.append(here.value)
+        if progress is not None:
+            progress(count, worst)
         stalled = len(values) > PATIENCE and values[-1] > 0.7 * values[-1 - PATIENCE]
         if (here.violation <= VIOLATED and worst <= 0.1 * MARGIN_SOLVED) or stalled:
             return parameters, count + 1
@@ -384,15 +387,13 @@ def descend(
             damping = max(damping * 6.0, 1e-6)
         else:
             return parameters, count + 1
-    return parameters, max(steps, 0)
+    return parameters, steps
 
 
 def _step(layout: Layout, parameters: Parameters, here: Linear, damping: float) -> Array:
     """Return the damped Gauss–Newton step; unknowns at a bound that the gradient pushes against stay there."""
     movable = ~layout.blocked(parameters, here.gradient)
-    matrix = here.matrix[np.ix_(movable, movable)]
-    diagonal = np.diag(matrix)
-    damped = matrix + np.diag(damping * (diagonal + 0.1 * diagonal.max(initial=0.0) + 1e-12))
-    step = np.zeros(len(movable))
-    step[movable] = -cho_solve(cho_factor(damped, lower=True), here.gradient[movable])
+    diagonal = here.curvature.diagonal
+    largest = float(diagonal[movable].max(initial=0.0))
+    step = here.curvature.solve(-here.gradient, movable, damping * (diagonal + 0.1 * largest + 1e-12))
     return np.clip(step, -LONGEST_STEP, LONGEST_STEP)

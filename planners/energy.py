@@ -169,6 +169,8 @@ def each_case(
     """
     residual, forces = np.zeros_like(scaled), np.zeros(active.shape)
     whole = system.blocks  # made once, before the threads that share it
+    # Prices are there to choose by: six digits do, and where even these fail, forces without prices are a choice.
+    first = "auto" if cost is None else "interior_point"
 
     def one(k: int) -> None:
         held = ~free[k][system.free]
@@ -177,12 +179,19 @@ def each_case(
         else:
             part, rays = system.subset(active[k]).holding(free[k]), active[k]
             moving = np.repeat(~held, system.dof)
-        price = None if cost is None else cost[rays]
-        forces[k, rays] = np.nan_to_num(solve_system(part, scaled[k][moving], cost=price).forces)
+        result = solve_system(part, scaled[k][moving], cost=None if cost is None else cost[rays], solver=first)
+        if cost is not None and not np.isfinite(result.infeasibility):
+            result = solve_system(part, scaled[k][moving])
+        forces[k, rays] = np.nan_to_num(result.forces)
         residual[k, moving] = scaled[k][moving] + part.matrix.T @ forces[k, rays]
 
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        list(pool.map(one, range(len(scaled))))
+    threads = min(os.cpu_count() or 1, len(scaled))
+    if threads > 1:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(one, range(len(scaled))))
+    else:
+        for k in range(len(scaled)):
+            one(k)
     return residual, forces
 
 

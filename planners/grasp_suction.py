@@ -12,7 +12,9 @@ from planners.site import Site
 from planners.tool import SuctionGripper
 
 SAMPLES = 160
-"""Points tried on the surface of a solid part."""
+"""Points tried on the surface of a solid part at once."""
+ROUNDS = 6
+"""How often as many are tried again while few of them are even."""
 RIM = 8
 """Points of the lip that are looked at."""
 RISE_M = 0.01
@@ -37,11 +39,17 @@ def on_solid(
         count(rejected, "every face looks down")
         return []
     weight = np.where(above, area, 0.0)
-    face = rng.choice(len(area), size=SAMPLES, p=weight / weight.sum())
-    point = np.einsum("nk,nkd->nd", rng.dirichlet(np.ones(3), SAMPLES), corners[face])
-    good, outward, height = _even(corners, point, normal[face], gripper)
-    count(rejected, "uneven under the cup", int((~good).sum()))
-    point, outward = point[good] + height[good, None] * outward[good], outward[good]
+    points, normals = [], []
+    for _ in range(ROUNDS):
+        face = rng.choice(len(area), size=SAMPLES, p=weight / weight.sum())
+        drawn = np.einsum("nk,nkd->nd", rng.dirichlet(np.ones(3), SAMPLES), corners[face])
+        good, mean, height = _even(corners, drawn, normal[face], gripper)
+        count(rejected, "uneven under the cup", int((~good).sum()))
+        points.append(drawn[good] + height[good, None] * mean[good])
+        normals.append(mean[good])
+        if sum(map(len, points)) >= SAMPLES // 2:
+            break
+    point, outward = np.concatenate(points), np.concatenate(normals)
     centre = vertices.mean(axis=0)
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     # How far beside the line through the middle of the part the cup pulls, and how far from straight down it points.

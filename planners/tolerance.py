@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from mocca_robot.assembly import Array
@@ -15,8 +13,8 @@ from planners.trajectory import line_motion, reversed_motion
 
 FRACTIONS = (1.0, 0.75, 0.5, 0.25)
 """Shares of the cone's half-angle that are tried as tolerance."""
-RIM = 4
-"""Directions of the rim that are looked at."""
+RIM, RETRIES = 8, 4
+"""Directions of the rim that are looked at, and that are offered for another try."""
 
 
 def tolerance(
@@ -28,27 +26,24 @@ def tolerance(
     """
     bench.scene.roles(absent=(bench.site.assembly.parts[index].name,))
     for fraction in FRACTIONS:
-        if all(_rim(bench, index, direction, fraction * cone_rad, seat, q_seat, depth_m)):
-            usable = fraction * cone_rad
-            paths = list(_rim(bench, index, direction, 0.5 * usable, seat, q_seat, depth_m))
+        usable = fraction * cone_rad
+        ways = insertion_rim(-direction @ bench.site.turn, usable, RIM)[1:]
+        if not len(ways) or sweep_blockers(bench.site.assembly, index, ways):
+            continue
+        if all(_way_in(bench, way, seat, q_seat, depth_m) for way in ways):
+            inner = insertion_rim(-direction @ bench.site.turn, 0.5 * usable, RETRIES)[1:]
+            free = [way for way in inner if not sweep_blockers(bench.site.assembly, index, way[None])]
+            paths = [_way_in(bench, way, seat, q_seat, depth_m) for way in free]
             return usable, tuple(p for p in paths if p)
     return 0.0, ()
 
 
-def _rim(
-    bench: Bench, index: int, direction: Array, angle_rad: float, seat: Seat, q_seat: Array, depth_m: float
-) -> Iterator[tuple[Waypoint, ...]]:
-    """Yield the way in along each direction of the cone's rim: empty where it is blocked."""
-    cell, turn = bench.cell, bench.site.turn
-    limits = cell.limits
-    if angle_rad <= 0.0:
-        return
-    for way in insertion_rim(-direction @ turn, angle_rad, RIM)[1:]:
-        if sweep_blockers(bench.site.assembly, index, way[None]):
-            yield ()
-            continue
-        path, reason = line_motion(
-            cell, seat.flange, depth_m * (turn @ way), q_seat, limits.insert_speed_m_s, limits.insert_acceleration_m_s2
-        )
-        blocked = reason or next((r for w in path if (r := bench.free(np.array(w.q), seat.grasp.width_m))), "")
-        yield () if blocked else reversed_motion(path)
+def _way_in(bench: Bench, way_out: Array, seat: Seat, q_seat: Array, depth_m: float) -> tuple[Waypoint, ...]:
+    """Return the timed way in against `way_out` (d,), design frame; empty where arm or tool cannot go."""
+    limits = bench.cell.limits
+    travel = depth_m * (bench.site.turn @ way_out)
+    path, reason = line_motion(
+        bench.cell, seat.flange, travel, q_seat, limits.insert_speed_m_s, limits.insert_acceleration_m_s2
+    )
+    blocked = reason or next((r for w in path if (r := bench.free(np.array(w.q), seat.grasp.width_m))), "")
+    return () if blocked else reversed_motion(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -15,6 +16,8 @@ from sim.scene import Compiled
 ENERGY_GROWTH = 1e-3
 """Energy a run may gain, as a share of what the free parts would lose by falling their own size. A sound run of
 contacts at rest gains about 1e-7; divergence gains orders of magnitude."""
+OVERLAP = 1e-3
+"""Penetration at the start, relative to the smaller part, that is no touch any more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,12 +53,21 @@ def reach(assembly: Assembly) -> Array:
 
 
 def run(
-    compiled: Compiled, duration: float, stop: Stop | None = None, samples: int = 100, watch_energy: bool = True
+    compiled: Compiled,
+    duration: float,
+    stop: Stop | None = None,
+    samples: int = 100,
+    watch_energy: bool = True,
+    gentle_s: float = 0.0,
 ) -> Motion:
     """Return the motion from rest, ended by `stop`, by `duration` (s), or by a failure.
 
-    A run fails when MuJoCo warns, when Newton's method uses up its iterations, when energy grows, or when numbers
-    are not finite.
+    For the first `gentle_s` seconds velocities are removed after every step, so that contact forces build up before
+    anything is let go: no viscous hand can hold up what does not stand. Without it the first step falls freely, and
+    with friction parts then hop: where a contact slides, MuJoCo's convex friction lifts it, and it lands sliding.
+
+    A run fails when parts overlap at the start, when MuJoCo warns, when Newton's method uses up its iterations, when
+    energy grows, or when numbers are not finite.
     """
     import mujoco
 
@@ -68,10 +80,13 @@ def run(
     mujoco.mj_forward(model, data)
     start, before = data.qpos.copy(), float(data.energy.sum())
     times, poses, moved, speeds = [0.0], [data.qpos[compiled.qpos]], [np.zeros(len(far))], [np.zeros(len(far))]
-    failure: str | None = None
+    failure = overlap(compiled, data)
+    gentle = round(gentle_s / model.opt.timestep)
     step = 0
-    for step in range(1, planned + 1):
+    for step in range(1, (planned if failure is None else 0) + 1):
         mujoco.mj_step(model, data)
+        if step <= gentle:
+            data.qvel[:] = 0.0
         failure = step_failure(model, data) or (
             "energy grew without cause" if watch_energy and data.energy.sum() > before + allowed else None
         )
@@ -93,6 +108,24 @@ def run(
         step,
         failure,
     )
+
+
+def overlap(compiled: Compiled, data: Any) -> str | None:
+    """Return which parts overlap deepest, when it is by more than `OVERLAP` of the smaller one; else None."""
+    if data.ncon == 0:
+        return None
+    model = compiled.model
+    size = np.full(model.nbody, np.inf)
+    for part, length in zip(compiled.scene.assembly.parts, 2.0 * reach(compiled.scene.assembly)):
+        with contextlib.suppress(KeyError):  # absent in this state
+            size[model.body(part.name).id] = length
+    bodies = model.geom_bodyid[data.contact.geom]
+    share = -data.contact.dist / size[bodies].min(axis=1)
+    worst = int(share.argmax())
+    if share[worst] <= OVERLAP:
+        return None
+    first, second = (model.body(int(b)).name for b in bodies[worst])
+    return f"'{first}' and '{second}' overlap by {-data.contact.dist[worst] * 1e3:.3g} mm before anything moves"
 
 
 def step_failure(model: Any, data: Any) -> str | None:

@@ -155,6 +155,18 @@ def with_gravity(compiled: Compiled, gravity: Array) -> Compiled:
     return Compiled(replace(compiled.scene, gravity=gravity), model, compiled.parts, compiled.qpos, compiled.dof)
 
 
+def with_timestep(compiled: Compiled, timestep: float) -> Compiled:
+    """Return the same model with another step (s) and contacts stiffer or softer in proportion to its square."""
+    import copy
+
+    scene = replace(compiled.scene, settings=replace(compiled.scene.settings, timestep=timestep))
+    model = copy.copy(compiled.model)
+    model.opt.timestep = timestep
+    model.geom_solref[:] = scene.settings.solref
+    model.pair_solref[:] = scene.settings.solref
+    return Compiled(scene, model, compiled.parts, compiled.qpos, compiled.dof)
+
+
 def _set_options(out: Any, scene: Scene) -> None:
     import mujoco
 

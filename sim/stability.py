@@ -10,7 +10,7 @@ import numpy as np
 from mocca_robot.assembly import Array, Assembly, BoolArray
 from sim.contact_model import ContactModel
 from sim.motion import Motion, reach, run
-from sim.scene import Compiled, Scene, compile_scene
+from sim.scene import Compiled, Scene, compile_scene, with_timestep
 from sim.settings import settings_for
 
 
@@ -25,14 +25,22 @@ class Limits:
         fallen: displacement at which a run ends early: no part comes back from there.
         speed: sizes per second below which a part rests. 0.05° beyond the critical tilt a part of 5 cm slides
             with 0.07 sizes per second after 0.4 s.
-        first_look_s, longest_s: a run ends between the two, as soon as it rests.
+        gentle_s: velocities are removed for so long before the parts are let go; see `sim.motion.run`.
+        first_look_s, longest_s: a run ends between the two after being let go, as soon as it rests.
+        finer: steps to repeat a fall with, as divisors of the settings' step. Contacts give in proportion to the
+            step's square, and what wedges under many times its weight falls when they give too much.
+        same_fall: a fall is believed without the finest step when with two steps it takes equally long, up to this
+            factor; what creeps because contacts give takes longer in proportion.
     """
 
     moved: float = 0.005
     fallen: float = 0.05
     speed: float = 2e-3
+    gentle_s: float = 0.1
     first_look_s: float = 0.4
     longest_s: float = 4.0
+    finer: tuple[float, ...] = (3.0, 10.0)
+    same_fall: float = 1.5
 
 
 LIMITS = Limits()
@@ -60,6 +68,7 @@ class StabilityReport:
         final_speed: fastest part at the end, m/s.
         duration: simulated seconds.
         steps: of the simulation.
+        timestep: seconds; of the run that decided, smaller than the settings' where a fall had to be confirmed.
         motion: the sampled run.
     """
 
@@ -71,6 +80,7 @@ class StabilityReport:
     final_speed: float
     duration: float
     steps: int
+    timestep: float
     motion: Motion
 
     @property
@@ -101,21 +111,46 @@ def stability(scene: Scene, limits: Limits = LIMITS) -> StabilityReport:
 
 
 def judged(compiled: Compiled, limits: Limits = LIMITS) -> StabilityReport:
-    """Return the verdict on a compiled scene; the model can be used again."""
+    """Return the verdict on a compiled scene; the model can be used again.
+
+    That it stands is believed at once. That it fell, or gave no verdict, is confirmed with finer steps and stiffer
+    contacts: the last of them decides, or two falls that take equally long.
+    """
+    found = _let_go(compiled, limits)
+    for divisor in limits.finer:
+        if found.stands:
+            break
+        before = found
+        found = _let_go(with_timestep(compiled, compiled.scene.settings.timestep / divisor), limits)
+        if _same_fall(before, found, limits):
+            break
+    return found
+
+
+def _same_fall(coarse: StabilityReport, fine: StabilityReport, limits: Limits) -> bool:
+    if not (coarse.verdict is fine.verdict is Verdict.FELL):
+        return False
+    slow = max(coarse.duration, fine.duration) - limits.gentle_s
+    fast = min(coarse.duration, fine.duration) - limits.gentle_s
+    return min(coarse.max_share, fine.max_share) >= limits.fallen and slow <= limits.same_fall * max(fast, 0.02)
+
+
+def _let_go(compiled: Compiled, limits: Limits) -> StabilityReport:
     assembly = compiled.scene.assembly
     size = 2.0 * reach(assembly)[compiled.parts]
 
     def enough(time: float, displacement: Array, speed: Array) -> bool:
         if (displacement > limits.fallen * size).any():
             return True
-        return time >= limits.first_look_s and bool((speed <= limits.speed * size).all())
+        return time >= limits.gentle_s + limits.first_look_s and bool((speed <= limits.speed * size).all())
 
-    motion = run(compiled, limits.longest_s, enough, samples=round(limits.longest_s / 0.02))
-    return report(assembly, motion, limits)
+    longest = limits.gentle_s + limits.longest_s
+    motion = run(compiled, longest, enough, samples=round(longest / 0.02), gentle_s=limits.gentle_s)
+    return report(assembly, motion, compiled.scene.settings.timestep, limits)
 
 
-def report(assembly: Assembly, motion: Motion, limits: Limits = LIMITS) -> StabilityReport:
-    """Return the verdict on a run that is over."""
+def report(assembly: Assembly, motion: Motion, timestep: float, limits: Limits = LIMITS) -> StabilityReport:
+    """Return the verdict on a run with steps of `timestep` seconds that is over."""
     size = 2.0 * reach(assembly)[motion.parts]
     # The farthest a part has been: one that rocks back has let go all the same.
     peak = motion.displacement.max(axis=0)
@@ -123,7 +158,7 @@ def report(assembly: Assembly, motion: Motion, limits: Limits = LIMITS) -> Stabi
     moved = tuple(assembly.parts[p].name for p, s in zip(motion.parts, share) if s > limits.moved)
     resting = bool((motion.speed[-1] <= limits.speed * size).all())
     if motion.failure is not None:
-        verdict, reason = Verdict.FAILED, f"after {motion.times[-1]:.3f} s {motion.failure}"
+        verdict, reason = Verdict.FAILED, f"after {motion.times[-1]:.3f} s: {motion.failure}"
     elif moved:
         farthest = int(share.argmax())
         name = assembly.parts[motion.parts[farthest]].name
@@ -141,5 +176,6 @@ def report(assembly: Assembly, motion: Motion, limits: Limits = LIMITS) -> Stabi
         float(motion.speed[-1].max(initial=0.0)),
         float(motion.times[-1]),
         motion.steps,
+        timestep,
         motion,
     )

@@ -174,6 +174,13 @@ def test_every_equation_names_functions_that_exist() -> None:
         assert value is not None, dotted
 
 
+def test_every_equation_of_the_article_has_its_row() -> None:
+    page = (DOCS / "method.md").read_text(encoding="utf-8").partition("## Equation by equation")[2]
+    rows = {int(number): where for number, where in re.findall(r"^\| (\d+) \|.*\| ([^|]+) \|$", page, re.MULTILINE)}
+    assert sorted(rows) == list(range(1, 20))
+    assert all("`mocca_robot." in w or "`planners." in w or w.startswith("not used: ") for w in rows.values())
+
+
 def test_the_navigation_holds_every_page() -> None:
     text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     assert sorted(re.findall(r"[\w/-]+\.md", text.partition("\nnav:")[2])) == PAGES

@@ -6,15 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from physics_models import WIDTH, box_stack_3d, jointed, stack
+from physics_models import WIDTH, box_stack_3d, jointed, rectangle, stack
 
+from mocca_robot.assembly import Assembly, Part, Polygon
 from mocca_robot.contacts import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.loads import state_cases, tilted_gravity
-from mocca_robot.verify import critical_tilt
+from mocca_robot.statics import Status
+from mocca_robot.verify import case_at, critical_tilt, solve_case
 from sim.contact_model import contact_model, facets, pieces
-from sim.scene import compile_scene
-from sim.stability import Verdict, free_scene, judged, stability
+from sim.motion import run
+from sim.scene import compile_scene, with_gravity
+from sim.settings import settings_for
+from sim.stability import Limits, Verdict, free_scene, judged, stability
 from sim.states import state_result
 from sim.tilt import azimuths, physical_tilt, tilt_scene
 
@@ -112,15 +116,69 @@ def test_a_run_whose_solver_gives_up_is_failed_not_judged():
     assert "iterations" in found.reason
 
 
-def test_a_run_that_gains_energy_is_failed():
-    """Parts that overlap at the start are flung apart."""
+def test_parts_that_overlap_before_anything_moves_are_named():
     assembly = stack(2)
     parts = [p.shape for p in assembly.parts]
     parts[2] = replace(parts[2], exterior=parts[2].exterior - np.array([0.0, 0.2 * WIDTH]))
-    overlapping = assembly.with_shapes(parts)
-    found = let_go(overlapping)
+    found = let_go(assembly.with_shapes(parts))
     assert found.verdict is Verdict.FAILED
-    assert "energy" in found.reason
+    assert "'b0' and 'b1' overlap by 10 mm" in found.reason
+
+
+def test_a_run_that_gains_energy_is_failed():
+    """Gravity that doubles while the run goes on: energy from nowhere."""
+    scene = free_scene(stack(2), pieces(stack(2)))
+    compiled = with_gravity(compile_scene(scene), scene.gravity)
+
+    def doubled(time, displacement, speed):
+        compiled.model.opt.gravity[2] = -2 * 9.81
+        return False
+
+    motion = run(compiled, 1.0, doubled)
+    assert motion.failure == "energy grew without cause" and motion.times[-1] < 0.9
+    assert run(compile_scene(scene), 1.0).failure is None
+
+
+def tongue(rise: float) -> Assembly:
+    """Return a long block held out sideways by a short tongue that points along x, in the groove of a fixed one."""
+    length, height, half = 0.2, 0.04, 0.0075
+    back = [[0.0, height], [0.0, half], [-rise, half], [-rise, -half], [0.0, -half], [0.0, -height]]
+    arm = Part("arm", Polygon(np.array([*back, [length, -height], [length, height]])))
+    wall = Part("wall", Polygon(np.array([[-0.1, -height], *reversed(back), [-0.1, height]])), fixed=True)
+    return Assembly("tongue", (wall, arm))
+
+
+def test_contacts_under_many_times_the_weight_still_hold():
+    """Walls of 4 mm hold an arm of 200 mm by a couple of forces 25 times its weight, and by nothing else."""
+    assembly = tongue(0.004)
+    contacts = find_contacts(assembly).contacts
+    forces = solve_case(assembly, contacts, case_at(assembly, 0.0, 0.0)).result
+    assert forces.status is Status.EQUILIBRIUM
+    assert forces.forces.max() > 20.0 * assembly.parts[1].mass * 9.81
+    scene = free_scene(assembly, pieces(assembly, contacts))
+    assert stability(scene).stands
+    soft = stability(scene, Limits(finer=()))
+    assert not soft.stands, "the coarse step alone decides already: nothing is shown here"
+    assert stability(scene).timestep < soft.timestep
+
+
+def test_a_fall_is_confirmed_with_finer_steps():
+    assembly = stack(1)
+    found = let_go(assembly, 0.3)
+    assert found.verdict is Verdict.FELL and found.moved == ("b0",)
+    assert found.timestep < settings_for(assembly).timestep
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_sliding_contacts_do_not_hop(side):
+    """A stack whose lowest beds are half a degree from sliding: hopping blocks would creep and never come to rest."""
+    floor = Part("floor", rectangle(-0.2, -0.05, 1.0, 0.05), fixed=True)
+    blocks = [Part(f"b{k}", rectangle(0.001 * k, k * WIDTH / 2, WIDTH, WIDTH / 2)) for k in range(4)]
+    assembly = Assembly("flat blocks", (floor, *blocks))
+    angle = np.arctan(0.3) + side * np.deg2rad(0.5)
+    found = let_go(assembly, angle, 0.3, facets(assembly, find_contacts(assembly).contacts))
+    assert found.stands == (side < 0), found.reason
+    assert found.stands == (found.max_share < 1e-3)
 
 
 def test_the_tilt_table_needs_an_azimuth():

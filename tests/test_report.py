@@ -18,6 +18,7 @@ import scipy.ndimage
 import shapely
 
 from mocca_robot.assembly import Assembly, Equilibrium, Lateral, Mesh, Part, Polygon, SupportFree
+from mocca_robot.cli import main
 from mocca_robot.contacts import Contact, find_contacts
 from mocca_robot.design import CaseResult, Design, Insertion
 from mocca_robot.joints.build2d import build_parts_2d
@@ -435,3 +436,16 @@ def test_an_interlocking_design_is_said_to_lock_not_to_stand(solid: ReportData) 
     page = report_page(dataclasses.replace(solid, after=dataclasses.replace(solid.after, cases=cases)))
     assert "Does it lock?" in page and "Does it stand?" not in page
     assert (">Locks<" in page) == held
+
+
+def test_figures_of_a_design_and_of_plain_parts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    root = Path(__file__).parents[1]
+    assert main(["design", str(root / "configs" / "scarecrow.yaml"), "-o", str(tmp_path)]) == 0
+    for source in (tmp_path / "design.json", root / "configs" / "scarecrow.yaml"):
+        capsys.readouterr()
+        folder = tmp_path / "figures"
+        assert main(["export", str(source), "--format", "figures", "-o", str(folder), "--json"]) == 0
+        files = [Path(f).name for f in json.loads(capsys.readouterr().out)["files"]]
+        assert files == ["design.svg", "collapse.svg", "cones.svg", "film.svg", "tilt.svg"]
+        stands = "stands" in (folder / "film.svg").read_text(encoding="utf-8")
+        assert stands == (source.name == "design.json")

@@ -20,10 +20,10 @@ import pytest
 from mocca_robot.cli import main
 from mocca_robot.errors import EnvironmentNeeded, InputError
 from mocca_robot.executors import LocalProcesses, WorkerLost, completed, executor, mapped
+from sim.studies.point import Row
+from sim.studies.run import StudyResult, run_study
+from sim.studies.study import Study, read_study
 from sim.trial_store import TrialStore
-from studies.point import Row
-from studies.run import StudyResult, run_study
-from studies.study import Study, read_study
 
 ROOT = Path(__file__).parents[1]
 BASE = ROOT / "configs" / "stack.yaml"

@@ -307,3 +307,27 @@ def test_watchdog_stops_the_arm_when_every_process_of_ours_is_killed(tmp_path: P
         process.wait()
         truth = wait_for(host, lambda t: t["speed_rad_s"] == 0.0 and not t["program_running"])
     assert "program stopped: watchdog" in truth["log"]  # type: ignore[operator]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("mode", "count"), [("servo", 1), ("force", 1), ("grip", 2), ("servo", 2), ("servo", 3)], ids=lambda v: str(v)
+)
+@undisturbed
+def test_kill_9_at_any_moment_ends_motion_and_leaves_a_journal_that_asks_a_person(
+    mode: str, count: int, tmp_path: Path
+) -> None:
+    one_file = written(ONE, tmp_path)
+    journal = tmp_path / "build.jsonl"
+    with fake_controller(one_file, loopback(13)) as host:
+        process = start("execute", one_file, "--robot", host, "--confirm", SERIAL, "--journal", journal)
+        wait_for(host, lambda t: t["begun"].get(mode, 0) == count)  # type: ignore[attr-defined]
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        wait_for(host, lambda t: t["speed_rad_s"] == 0.0 and not t["program_running"])
+        resumed = run("execute", "--resume", journal, "--robot", host, "--confirm", SERIAL)
+        truth = ask(host)
+    assert resumed.returncode == 2 and "Step 0 (p01) was begun and not finished" in resumed.stderr
+    assert "--resolve p01=placed" in resumed.stderr and "--resolve p01=repeat" in resumed.stderr
+    assert read_journal(journal).unfinished == 0
+    assert truth["begun"].get(mode) == count  # the resume moved nothing

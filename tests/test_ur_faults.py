@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 from ur_cell import SERIAL, fake_controller, loopback, small_plan, undisturbed, written
 
+from mocca_robot.errors import InputError
 from mocca_robot.ur.driver import UrArm
 from mocca_robot.ur.executor import execute
 from mocca_robot.ur.fake.controller import ask
-from mocca_robot.ur.journal import Journal, read_journal
+from mocca_robot.ur.journal import Journal, next_step, read_journal
 from mocca_robot.ur.status import ExecutionStatus as Status
 
 PLANS = {"full": small_plan(1), "short": small_plan(1, short=True)}
@@ -34,6 +35,8 @@ CASES = [
     ("short", "safeguard_stop", "grip:1", Status.SAFEGUARD_STOP, "pick", "safeguard stop", True),
     ("full", "program_stopped", "servo:1:0.5", Status.PROGRAM_STOPPED, "transit", "the program is stopped", True),
     ("short", "program_stopped", "force:1:0.2", Status.PROGRAM_STOPPED, "insert", "the program is stopped", True),
+    ("full", "other_program", "servo:1:0.5", Status.DEVIATED, "transit", "off the path, limit 20 mm", True),
+    ("short", "slider_zero", "force:1:0.3", Status.PROGRAM_STOPPED, "insert", "speed slider is at 0 %", True),
     ("full", "slider_zero", "servo:1:0.5", Status.PROGRAM_STOPPED, "transit", "speed slider is at 0 %", True),
     ("full", "stuck", "servo:1:0.3", Status.DEVIATED, "transit", "off the path, limit 20 mm", True),
     ("full", "stuck", "servo:2:0.1", Status.TIMED_OUT, "approach", "not there after 1.1", True),
@@ -71,3 +74,53 @@ def test_fault_ends_the_motion_and_is_named(
     assert [e["event"] for e in record.events] == [e.event for e in result.events]
     assert "unlock requested" not in truth["log"]
     assert truth["begun"].get("force", 0) <= 3  # one push and two retries
+
+
+MOMENTS = {
+    "approach": "servo:1:0.1",
+    "insert": "force:1:0.3",
+    "release": "grip:2",
+    "retreat": "servo:2:0.1",
+    "transit": "servo:3:0.3",
+}
+EVERYWHERE = {
+    "connection_dropped": {Status.CONNECTION_LOST},
+    "rtde_silent": {Status.CONNECTION_LOST},
+    "nan": {Status.CONNECTION_LOST},
+    "stale": {Status.CONNECTION_LOST},
+    "protective_stop": {Status.PROTECTIVE_STOP},
+    "emergency_stop": {Status.EMERGENCY_STOP},
+    "safeguard_stop": {Status.SAFEGUARD_STOP},
+    "program_stopped": {Status.PROGRAM_STOPPED},
+    "slider_zero": {Status.PROGRAM_STOPPED},
+    # Nothing tells a client that the program is no longer its own; the arm that does not obey does.
+    "other_program": {Status.DEVIATED, Status.TIMED_OUT, Status.PROGRAM_STOPPED, Status.CONNECTION_LOST, Status.JAMMED},
+    "force": {Status.FORCE_LIMIT, Status.REFUSED},
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", MOMENTS)
+@pytest.mark.parametrize("fault", EVERYWHERE)
+@undisturbed
+def test_every_fault_at_every_moment(fault: str, kind: str, tmp_path: Path) -> None:
+    """Motion ends, status and journal say which and where, and nothing is repeated without a person's word."""
+    plan = PLANS["short"]
+    plan_file = written(plan, tmp_path)
+    with fake_controller(plan_file, loopback(12), "--fault", f"{fault}@{MOMENTS[kind]}") as host:
+        with UrArm(host, plan, SERIAL) as arm, Journal.create(tmp_path / "j", plan, arm.name) as journal:
+            result = execute(plan, arm, journal)
+        end = time.monotonic() + 5.0
+        while (truth := ask(host))["speed_rad_s"] > 0 or (truth["program_running"] and truth["mode"] != "idle"):
+            assert time.monotonic() < end, truth
+            time.sleep(0.02)
+    assert result.status in EVERYWHERE[fault], f"{result.status}: {result.detail}"
+    stopped = result.events[-2]
+    # A hand that stands still feels nothing move: what hits it there is noticed by the move that follows.
+    assert stopped.event == "move_stopped" and stopped.kind in (kind, "retreat" if kind == "release" else kind)
+    assert result.detail and stopped.robot_time_s is not None
+    record = read_journal(tmp_path / "j")
+    assert record.truncated is None and (record.finished, record.unfinished) == ((), 0)
+    with pytest.raises(InputError, match=r"Step 0 \(p01\) was begun and not finished"):
+        next_step(record, plan, None)
+    assert "unlock requested" not in truth["log"]

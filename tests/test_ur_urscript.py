@@ -95,3 +95,183 @@ def test_unsound_plan_is_not_exported(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="speed_m_s is 1"):
         export_urscript(tmp_path / "plan.json", tmp_path / "build.script")
     assert not (tmp_path / "build.script").exists()
+
+
+class Halted(Exception):
+    """The program called `fail` or `halt`."""
+
+
+class Interpreter:
+    """URScript as this package writes it, run as Python: a simulated arm that goes where it is told, and its world.
+
+    The programs indent as Python does, so that translating them takes little: blocks lose their `end`, `global`
+    declarations are repeated in every function, threads run whenever the program waits.
+    """
+
+    STEP_S = 0.002
+
+    def __init__(self, plan: Plan, *, jams: bool = False, missing: bool = False, knocked: float = 0.0) -> None:
+        self.plan, self.jams, self.missing, self.knocked = plan, jams, missing, knocked
+        self.q = list(plan.first_waypoint.q)
+        self.tcp = list(plan.first_waypoint.tcp)
+        self.joints: list[list[float]] = []
+        self.said: list[str] = []
+        self.payloads: list[float] = []
+        self.push: tuple[list[float], float] | None = None
+        self.felt, self.gripper, self.stopped, self.threads = 0.0, 0, False, []
+        self.ends = [m.path[-1] for st in plan.steps for m in st.moves if m.kind is MoveKind.INSERT]
+
+    def translated(self, text: str) -> str:
+        names = sorted(set(re.findall(r"global (\w+) =", text)))
+        out = []
+        for line in text.splitlines():
+            bare = line.strip()
+            indent = line[: len(line) - len(line.lstrip())]
+            if bare == "end":
+                continue
+            if bare == "halt":
+                bare = "halt()"
+            bare = re.sub(r"^global (\w+) =", r"\1 =", bare)
+            bare = re.sub(r"\bp\[", "[", bare)
+            bare = re.sub(r"= run (\w+)\(\)", r"= run(\1)", bare)
+            opens = re.match(r"(?:def|thread) (\w+)(\(.*\)):", bare)
+            if opens:
+                generator = bare.startswith("thread")
+                out += [f"{indent}def {opens[1]}{opens[2]}:", f"{indent}  global {', '.join(names)}"]
+                self.in_thread = generator
+                continue
+            if bare == "sync()" and getattr(self, "in_thread", False):
+                bare, self.in_thread = "yield", False
+            out.append(indent + bare)
+        return "\n".join([*out, "mocca_build()"])
+
+    def run(self) -> None:
+        names = {n[3:]: getattr(self, n) for n in dir(self) if n.startswith("do_")}
+        exec(compile(self.translated(urscript(self.plan)), "build.script", "exec"), names)
+
+    def tick(self) -> None:
+        for thread in self.threads:
+            next(thread)
+
+    def do_sync(self) -> None:
+        if self.push is not None and not self.jams:
+            axis, speed = self.push
+            end = self.ends[0].tcp
+            left = sum((e - t) * a for e, t, a in zip(end, self.tcp, axis))
+            if left > 0:
+                self.tcp = [t + a * speed * self.STEP_S for t, a in zip(self.tcp, axis)] + self.tcp[3:]
+            self.felt = 2.0 if left > 0 else 9.0
+        elif self.push is not None:
+            self.felt = 18.0
+        self.tick()
+
+    def do_sleep(self, seconds: float) -> None:
+        self.tick()
+
+    def moved(self, q: list[float], seconds: int = 3) -> None:
+        self.q = list(q)
+        self.tcp = list(self.plan_pose(q))
+        self.joints.append(list(q))
+        self.felt = self.knocked
+        for _ in range(seconds):
+            self.tick()
+
+    def plan_pose(self, q: list[float]) -> tuple[float, ...]:
+        from mocca_robot.ur.models import robot_model
+
+        return robot_model(self.plan.robot).tcp_pose(q, self.plan.cell.tcp_offset)
+
+    def do_movej(self, q: list[float], a: float, v: float, r: float) -> None:
+        self.moved(q)
+
+    def do_movel(self, q: list[float], a: float, v: float) -> None:
+        self.moved(q)
+
+    def do_force_mode(self, frame: list[float], free: list[int], wrench: list[float], kind: int, caps: object) -> None:
+        assert (free, kind) == ([1, 1, 1, 0, 0, 0], 2) and 0 < wrench[2] <= self.plan.cell.limits.push_force_n
+        from mocca_robot.ur.pose import rotation_matrix
+
+        axis = rotation_matrix(frame[3:6])[:, 2]
+        self.push = ([float(v) for v in axis], self.plan.cell.limits.insert_speed_m_s)
+
+    def do_end_force_mode(self) -> None:
+        assert self.push is not None
+        self.push, self.felt = None, 0.0
+        if not self.jams:
+            self.ends.pop(0)
+
+    def do_run(self, thread: object) -> None:
+        self.threads.append(thread())  # type: ignore[operator]
+
+    def do_popup(self, message: str, title: str = "", error: bool = False, blocking: bool = False) -> None:
+        self.said.append(message)
+
+    def do_halt(self) -> None:
+        raise Halted(self.said[-1] if self.said else "")
+
+    def do_textmsg(self, *words: object) -> None:
+        self.said.append(" ".join(map(str, words)))
+
+    def do_set_payload(self, mass: float, cog: list[float]) -> None:
+        self.payloads.append(mass)
+
+    def do_socket_set_var(self, name: str, value: int, socket: str) -> None:
+        if name == "POS":
+            held = round(255 * (1.0 - self.plan.steps[0].grasp.width_m / 0.085))
+            self.stopped = value > held and not self.missing
+            self.gripper = held if self.stopped else value
+
+    def do_socket_get_var(self, name: str, socket: str) -> int:
+        return self.gripper if name == "POS" else 2 if self.stopped else 3
+
+    do_socket_open = staticmethod(lambda *a: True)
+    do_stopl = do_set_tcp = do_zero_ftsensor = staticmethod(lambda *a: None)
+    do_norm = staticmethod(abs)
+    do_get_steptime = staticmethod(lambda: Interpreter.STEP_S)
+
+    def do_force(self) -> float:
+        return self.felt
+
+    def do_get_actual_tcp_pose(self) -> list[float]:
+        return list(self.tcp)
+
+    def do_get_actual_joint_positions(self) -> list[float]:
+        return list(self.q)
+
+
+def test_the_program_runs_by_itself_and_places_every_part() -> None:
+    robot = Interpreter(PLAN)
+    robot.run()
+    assert robot.said[-1] == "2 parts are placed." and robot.ends == []
+    last = PLAN.steps[-1].moves[-1].path[-1]
+    assert robot.q == pytest.approx(last.q, abs=1e-6)
+    tool, part = PLAN.cell.tool_mass_kg, PLAN.steps[0].grasp.mass_kg
+    assert robot.payloads == pytest.approx([tool, *[tool + part, tool] * 2])
+
+
+@pytest.mark.parametrize(
+    ("world", "words"),
+    [
+        ({"jams": True}, "The part jammed"),
+        ({"missing": True}, "Part p01 is not between the fingers"),
+        ({"knocked": 25.0}, "force limit exceeded"),
+    ],
+)
+def test_the_program_halts_with_its_reason(world: dict[str, object], words: str) -> None:
+    robot = Interpreter(PLAN, **world)  # type: ignore[arg-type]
+    with pytest.raises(Halted, match=words):
+        robot.run()
+    assert not any("placed" in w for w in robot.said)
+
+
+def test_the_program_does_not_start_from_elsewhere() -> None:
+    robot = Interpreter(PLAN)
+    robot.q[3] += 0.02
+    with pytest.raises(Halted, match="does not stand at the first waypoint"):
+        robot.run()
+    assert robot.joints == []
+
+
+def test_a_suction_cup_is_not_driven_by_guesswork() -> None:
+    with pytest.raises(InputError, match="suction cup"):
+        urscript(replace(PLAN, gripper="suction"))

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
 from mocca_robot.errors import InputError
+from mocca_robot.files.documents import parse_json, read_text
 
 if TYPE_CHECKING:
     from mocca_robot.assembly import Assembly
+    from mocca_robot.files.config import Config
 
 FORMATS = {
     "svg": "flat parts nested on a sheet, real scale, kerf and clearance applied",
@@ -23,6 +25,7 @@ FORMATS = {
     "mjcf": "a folder with a MuJoCo model that stands by itself",
     "urdf": "one per part, with its mesh",
     "json": "the parts as an assembly file",
+    "figures": "a folder of vector figures for papers and slides, in 2D with a film",
     "urscript": "a plan.json as a program for a UR controller",
 }
 SHEETS, MESHES = ("svg", "dxf"), ("obj", "stl", "3mf")
@@ -76,6 +79,8 @@ def _parts(args: argparse.Namespace) -> list[Path]:
     config = arguments.load(args)
     assembly = config.assembly
     stem = safe_file_names([assembly.name])[assembly.name]
+    if args.format == "figures":
+        return _figures(args, config, _writable(Path(args.output or f"{stem}_figures")))
     if args.format == "json":
         from mocca_robot.files.assembly_json import write_assembly
 
@@ -112,6 +117,24 @@ def _parts(args: argparse.Namespace) -> list[Path]:
     # Slicers read STL in millimetres; 3MF says its unit itself.
     unit = "mm" if args.format == "stl" else "m"
     return write_parts([names[n] for n in assembly.sequence], meshes, folder, args.format, unit)
+
+
+def _figures(args: argparse.Namespace, config: Config, folder: Path) -> list[Path]:
+    from mocca_robot.cli import simulate, stages
+    from mocca_robot.report import collect
+    from mocca_robot.report.figures import write_figures
+
+    console, stored = Console(args.json), simulate.stored_design(Path(args.input))
+    if stored is None:
+        outcome = stages.judged_as_is(config, stages.read_contacts(config.assembly, console), console)
+    else:
+        outcome = stages.judged(stored, console)
+    beside = None if stored is None else stored.with_name("simulation.json")
+    simulation = parse_json(read_text(beside), f"'{beside}'") if beside is not None and beside.is_file() else None
+    data = collect(
+        outcome.design, before=outcome.before, after=outcome.after, states=outcome.states, simulation=simulation
+    )
+    return list(write_figures(folder, data))
 
 
 def _beds(args: argparse.Namespace, assembly: Assembly, folder: Path) -> list[Path]:

@@ -12,7 +12,7 @@ from mocca_robot.cli.console import Console
 from mocca_robot.errors import InputError
 
 if TYPE_CHECKING:
-    from studies.run import StudyResult
+    from sim.studies.run import StudyResult
 
 SHOWN = 40
 """Points that are listed one by one."""
@@ -48,10 +48,10 @@ def run(args: argparse.Namespace) -> int:
     """Return 0 when every point has a verdict, 1 when some have none. Ctrl-C keeps the points that are finished."""
     from mocca_robot.executors import executor
     from mocca_robot.report.study_page import write_study_page
+    from sim.studies.run import run_study
+    from sim.studies.study import read_study
+    from sim.studies.table import study_data, write_study
     from sim.trial_store import TrialStore
-    from studies.run import run_study
-    from studies.study import read_study
-    from studies.table import study_data, write_study
 
     if args.jobs is not None and args.jobs < 1:
         raise InputError(f"--jobs is {args.jobs}; give at least 1.")

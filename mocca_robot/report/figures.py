@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from mocca_robot.report import pictures
+from mocca_robot.report.animation import Shot, film
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.findings import entries
 from mocca_robot.report.markup import asset, esc, px
@@ -30,11 +31,11 @@ def design_figure(data: ReportData) -> str:
     return beside(drawn, ["input", "result"], view.width, view.height, built.name)
 
 
-def collapse_figure(data: ReportData, case: str = "gravity") -> str:
-    """Return the input with the collapse motion of load case `case` as SVG; without ghosts where it stands."""
+def collapse_figure(data: ReportData) -> str:
+    """Return the input with the collapse motion of its worst load case as SVG; without ghosts where it stands."""
     source = data.design.source
     view = pictures.shared_view([source], 420.0)
-    cases = [c for c in data.before.cases if c.case.name == case]
+    cases = sorted(data.before.cases, key=lambda c: -float(np.nan_to_num(c.result.infeasibility)))[:1]
     colours = part_colours(source, data.before.contacts)
     picture = Picture(source, data.before.contacts, colours, cases)
     return stand_alone(pictures.draw(picture, view, f"{source.name}: collapse motion"))
@@ -47,6 +48,15 @@ def cones_figure(data: ReportData) -> str:
     colours = part_colours(built, data.after.contacts)
     picture = Picture(built, data.after.contacts, colours, insertions=data.design.insertion, names=False)
     return stand_alone(pictures.draw(picture, view, f"{built.name}: motion cones"))
+
+
+def film_figure(data: ReportData) -> str:
+    """Return a flat result as an animated SVG: put together in sequence, with the verdict of statics at the end."""
+    built = data.design.assembly
+    ways = {i.part: i.direction for i in data.design.insertion}
+    stands = all(c.result.stands for c in data.after.cases if c.case.gravity is not None)
+    shot = Shot(built, built.name, ways, stands)
+    return stand_alone(film([shot], part_colours(built, data.after.contacts), 420.0))
 
 
 def tilt_figure(data: ReportData) -> str | None:
@@ -71,10 +81,11 @@ def convergence_figure(values: Sequence[float], label: str = "infeasibility E") 
 
 
 def write_figures(folder: Path, data: ReportData) -> tuple[Path, ...]:
-    """Return the SVG files written to `folder`: design, collapse, in 2D cones, and tilt where it is known."""
+    """Return the SVG files written to `folder`: design, collapse, in 2D cones and film, and tilt where it is known."""
     drawn = {"design.svg": design_figure(data), "collapse.svg": collapse_figure(data)}
     if data.design.assembly.dimension == 2:
         drawn["cones.svg"] = cones_figure(data)
+        drawn["film.svg"] = film_figure(data)
     if (tilt := tilt_figure(data)) is not None:
         drawn["tilt.svg"] = tilt
     folder.mkdir(parents=True, exist_ok=True)

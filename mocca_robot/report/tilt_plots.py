@@ -10,6 +10,9 @@ import numpy as np
 from mocca_robot.assembly import Array
 from mocca_robot.report.markup import degrees, esc, point_list, px
 
+TICKS = {2: 4, 5: 5, 10: 5, 15: 3, 20: 4, 30: 3, 45: 3, 60: 4, 90: 3}
+"""Ends of the scale in degrees, and into how many equal steps each is divided."""
+
 
 @dataclass(frozen=True)
 class TiltSeries:
@@ -29,10 +32,7 @@ def tilt_plot(series: Sequence[TiltSeries], dimension: int, asked_rad: float | N
 
 
 def _round_up(value_deg: float) -> float:
-    for limit in (2, 5, 10, 15, 20, 30, 45, 60, 90):
-        if value_deg <= limit:
-            return float(limit)
-    return 90.0
+    return float(next((limit for limit in TICKS if value_deg <= limit), 90))
 
 
 def _protractor(series: Sequence[TiltSeries], limit: float, asked_rad: float | None) -> str:
@@ -46,7 +46,7 @@ def _protractor(series: Sequence[TiltSeries], limit: float, asked_rad: float | N
         return np.asarray(pivot + share * radius * np.array([np.sin(lean), -np.cos(lean)]))
 
     body = []
-    for tick in np.linspace(-limit, limit, 9):
+    for tick in np.linspace(-limit, limit, 2 * TICKS[int(limit)] + 1):
         a, b, text = at(tick, 0.97), at(tick, 1.03), at(tick, 1.11)
         body.append(f'<line class="grid" x1="{px(a[0])}" y1="{px(a[1])}" x2="{px(b[0])}" y2="{px(b[1])}"/>')
         label = f"{abs(tick):g}°"
@@ -94,7 +94,7 @@ def _polar(series: Sequence[TiltSeries], limit: float, asked_rad: float | None) 
         return np.asarray(middle + r * np.array([np.cos(azimuth), -np.sin(azimuth)]))
 
     body = []
-    for share in (0.25, 0.5, 0.75, 1.0):
+    for share in np.arange(1, TICKS[int(limit)] + 1) / TICKS[int(limit)]:
         body.append(f'<circle class="grid" cx="{px(middle[0])}" cy="{px(middle[1])}" r="{px(radius * share)}"/>')
         where = middle + np.array([3.0, -radius * share - 2.0])
         body.append(f'<text class="tick" x="{px(where[0])}" y="{px(where[1])}">{limit * share:g}°</text>')

@@ -18,7 +18,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.ur import dashboard
 from mocca_robot.ur.checks import require_sound
 from mocca_robot.ur.frames import frame_along
-from mocca_robot.ur.gripper import Grip, Gripper, GripperLost, connect
+from mocca_robot.ur.gripper import Grip, Gripper, GripperLost, connect, require_drivable
 from mocca_robot.ur.guards import PushGuard, arrived, check_forces, check_path, check_start
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.link import Link, LinkLost
@@ -73,6 +73,7 @@ class UrArm:
 
     def __enter__(self) -> UrArm:
         require_sound(self.plan)
+        require_drivable(self.plan.gripper)
         self._lock.__enter__()
         try:
             identity = require_robot(self.host, self.plan, self._confirm)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from mocca_robot.errors import InputError
 from mocca_robot.ur.limits import Limits
 
 
@@ -109,8 +110,18 @@ class RobotiqSocket:
         return answer.decode(errors="replace").strip()
 
 
+def require_drivable(name: str) -> None:
+    """Return if this package can drive the gripper that a plan calls `name`; InputError says what to do otherwise."""
+    if name == "suction":
+        raise InputError(
+            "The plan's gripper is a suction cup. How its valve and vacuum switch are wired differs from cell to cell, "
+            "so this program does not drive it: rehearse the plan, or plan with a parallel gripper (kind: parallel)."
+        )
+
+
 def connect(name: str, host: str) -> Gripper:
-    """Return the gripper that a plan calls `name`, connected."""
+    """Return the gripper that a plan calls `name`, connected; InputError for one that cannot be driven."""
+    require_drivable(name)
     return NoGripper() if name == "none" else RobotiqSocket(host)
 
 

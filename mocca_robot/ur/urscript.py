@@ -16,7 +16,8 @@ from mocca_robot.assembly import Array
 from mocca_robot.errors import InputError
 from mocca_robot.ur.checks import require_sound
 from mocca_robot.ur.frames import frame_along
-from mocca_robot.ur.gripper import RobotiqSocket
+from mocca_robot.ur.gripper import RobotiqSocket, require_drivable
+from mocca_robot.ur.guards import PRESSED_SHARE
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.plan import Move, MoveKind, Plan, Step, Waypoint, insertion_axis
 from mocca_robot.ur.pose import distance_m
@@ -54,9 +55,9 @@ _HELPERS = """\
     now = get_actual_tcp_pose()
     return (now[0] - start[0]) * axis[0] + (now[1] - start[1]) * axis[1] + (now[2] - start[2]) * axis[2]
   end
-  def insert(frame_rotation, axis, depth, tolerance, push, speed, limit_n, jam_n, jam_s, jam_speed, seconds):
-    start = get_actual_tcp_pose()
-    frame = p[start[0], start[1], start[2], frame_rotation[0], frame_rotation[1], frame_rotation[2]]
+  def insert(frame_rotation, start, axis, depth, tolerance, push, speed, limit_n, jam_n, jam_s, jam_speed, seconds):
+    now = get_actual_tcp_pose()
+    frame = p[now[0], now[1], now[2], frame_rotation[0], frame_rotation[1], frame_rotation[2]]
     guard_n = limit_n
     watching = True
     caps = [speed, speed, speed, @TILT@, @TILT@, @TILT@]
@@ -69,7 +70,9 @@ _HELPERS = """\
     while t < seconds and not done and not jammed:
       sync()
       t = t + get_steptime()
-      if along(start, axis) >= depth - 0.5 * tolerance:
+      if along(start, axis) >= depth + tolerance:
+        done = True
+      elif along(start, axis) >= depth - tolerance and force() >= @PRESSED@ * push:
         done = True
       elif t - mark_t >= jam_s:
         moved = along(start, axis) - mark_depth
@@ -96,13 +99,14 @@ _HELPERS = """\
 def urscript(plan: Plan) -> str:
     """Return the program; InputError when the plan is not sound (`checks.require_sound`) or a number is not usable."""
     require_sound(plan)
+    require_drivable(plan.gripper)
     cell = plan.cell
     first = plan.first_waypoint
     out = [
         "def mocca_build():",
         f"  # plan {plan.sha256[:16]}: {plan.robot}, {len(plan.steps)} parts, cell {_plain(cell.name)}",
         "  # generated; unproven on hardware: run at reduced speed first, with a hand on the emergency stop",
-        *_HELPERS.replace("@TILT@", _number(cell.limits.abort_tilt_rad)).splitlines(),
+        *_helpers(cell.limits).splitlines(),
         f"  set_tcp({_pose(cell.tcp_offset)})",
         f"  set_payload({_number(cell.tool_mass_kg)}, {_list(cell.tool_cog_m)})",
     ]
@@ -127,6 +131,10 @@ def urscript(plan: Plan) -> str:
             out += [f"  # {move.kind}", *_move(plan, step, move)]
     out += ["  watching = False", f'  popup("{len(plan.steps)} parts are placed.", title="mocca-robot")', "end", ""]
     return "\n".join(out)
+
+
+def _helpers(limits: Limits) -> str:
+    return _HELPERS.replace("@TILT@", _number(limits.abort_tilt_rad)).replace("@PRESSED@", _number(PRESSED_SHARE))
 
 
 def _move(plan: Plan, step: Step, move: Move) -> list[str]:
@@ -181,7 +189,8 @@ def _insert(move: Move, limits: Limits) -> str:
         limits.jam_speed_m_s,
         seconds,
     )
-    return f"  insert({_list(rotation)}, {_list(axis)}, {', '.join(_number(n) for n in numbers)})"
+    start = _list(move.path[0].tcp[:3])
+    return f"  insert({_list(rotation)}, {start}, {_list(axis)}, {', '.join(_number(n) for n in numbers)})"
 
 
 def _gripper_helpers() -> list[str]:
@@ -223,7 +232,9 @@ def _grip(plan: Plan, step: Step, move: Move) -> list[str]:
         wanted = round(255 * (1.0 - grasp.width_m / stroke))
         slack = max(1, round(255 * cell.limits.grip_tolerance_m / stroke))
         out += [
-            f"  if reached > {wanted + slack} or reached < {wanted - slack}:",
+            # OBJ 2: something stopped the fingers while they closed.
+            '  stopped = socket_get_var("OBJ", "gripper")',
+            f"  if reached > {wanted + slack} or reached < {wanted - slack} or stopped != 2:",
             f'    fail("Part {_plain(step.part)} is not between the fingers.")',
             "  end",
         ]

@@ -115,6 +115,9 @@ class FakeArm:
                 self.robot_mode = POWER_OFF
             elif trigger.fault is Fault.PROGRAM_STOPPED:
                 self.stop_program("pendant")
+            elif trigger.fault is Fault.OTHER_PROGRAM:
+                self.stop_program("replaced by another one")
+                self.runtime_state = PLAYING
             elif trigger.fault is Fault.SLIDER_ZERO:
                 self.slider = 0.0
 
@@ -151,7 +154,7 @@ class FakeArm:
 
     def command(self) -> None:
         """Obey the command register, as the client's control script would."""
-        if self.runtime_state != PLAYING:
+        if self.runtime_state != PLAYING or Fault.OTHER_PROGRAM in self.world.active:
             return
         command = self.ints[0]
         if command in REALTIME:

@@ -31,6 +31,8 @@ class Fault(StrEnum):
     EMERGENCY_STOP = "emergency_stop"
     SAFEGUARD_STOP = "safeguard_stop"
     PROGRAM_STOPPED = "program_stopped"
+    OTHER_PROGRAM = "other_program"
+    """Somebody else sends a program: the controller drops ours for it and goes on playing."""
     SLIDER_ZERO = "slider_zero"
     NAN = "nan"
     STALE = "stale"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mocca_robot.files.output import write_atomic, write_json
-from studies.run import StudyResult
+from sim.studies.run import StudyResult
 
 FORMAT = "mocca-robot/study"
 

@@ -1,0 +1,76 @@
+"""MuJoCo: steps and insertion trials per second over the number of threads."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+
+from benchmarks.measurement import Measurement, Outcome, measure
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts import find_contacts
+from mocca_robot.files.config import load
+from planners.designer import design
+
+CONFIGS = Path(__file__).parents[1] / "configs"
+NAMES = ("leaning_tower_20", "horse", "pavilion")
+STEPS = 400
+"""Of each thread; MuJoCo lets go of Python's lock for all of them at once."""
+
+
+def threads_tried() -> tuple[int, ...]:
+    """Return 1, 2, 4, … up to the number of cores, and twice that."""
+    cores = os.cpu_count() or 1
+    return tuple(2**k for k in range(12) if 2**k <= 2 * cores)
+
+
+def physics(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
+    """Yield steps, then insertion trials per second, by wall clock; designs come first and are not measured."""
+    for name in NAMES[:1] if quick else NAMES:
+        if only is not None and only not in name:
+            continue
+        config = load(CONFIGS / f"{name}.yaml")
+        built = design(config.assembly, config.joints).design
+        ways = {i.part: i.direction for i in built.insertion}
+        for threads in threads_tried():
+            run = partial(_steps, built.assembly, threads)
+            yield measure("physics", f"{name} steps-{threads}", "mujoco", run, limit_s=120.0, repeats=1)
+        if name == "leaning_tower_20" or not quick:
+            for threads in threads_tried():
+                trials: Callable[[], Outcome] = partial(_trials, built.assembly, ways, threads)
+                yield measure("physics", f"{name} insertions-{threads}", "mujoco", trials, limit_s=300.0, repeats=1)
+
+
+def _steps(assembly: Assembly, threads: int) -> Outcome:
+    import mujoco
+    from mujoco import rollout  # noqa: F401  (fails early where MuJoCo is incomplete)
+
+    from sim.contact_model import contact_model
+    from sim.tilt import tilt_scene
+
+    contacts = find_contacts(assembly).contacts
+    compiled = tilt_scene(assembly, contact_model(assembly, contacts, 0.0), 0.0)
+    data = [mujoco.MjData(compiled.model) for _ in range(threads)]
+
+    def advance(one: object) -> None:
+        mujoco.mj_step(compiled.model, one, STEPS)
+
+    started = time.perf_counter()
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(advance, data))
+    rate = threads * STEPS / (time.perf_counter() - started)
+    return Outcome(f"{rate:.0f} steps/s, {threads} threads")
+
+
+def _trials(assembly: Assembly, ways: dict[str, object], threads: int) -> Outcome:
+    from sim.questions import Questions
+    from sim.simulate import simulate
+
+    asked = Questions(stages=("insertion",), directions=4, clearances=(0.0,), errors=(), threads=threads)
+    started = time.perf_counter()
+    found = simulate(assembly, ways, asked)  # type: ignore[arg-type]
+    rate = len(found.insertion) / (time.perf_counter() - started)
+    return Outcome(f"{rate:.1f} trials/s, {threads} threads, {len(found.insertion)} trials")
