@@ -349,13 +349,36 @@ def test_depth_is_that_of_the_plane_and_lines_run_where_faces_turn() -> None:
 
 
 def test_a_picture_is_a_png_of_its_pixels() -> None:
-    pixels = np.random.default_rng(0).integers(0, 256, (5, 7, 4), dtype=np.uint8)
+    pixels = np.random.default_rng(0).integers(1, 40, (5, 7, 4), dtype=np.uint8) * 6
     data = raster.png(pixels)
     assert data.startswith(b"\x89PNG") and struct.unpack(">II", data[16:24]) == (7, 5)
-    start = data.index(b"IDAT") + 4
-    raw = np.frombuffer(zlib.decompress(data[start : data.index(b"IEND") - 8]), np.uint8).reshape(5, 29)
-    assert (raw[:, 0] == 2).all()
-    assert (np.cumsum(raw[:, 1:], axis=0, dtype=np.uint8).reshape(5, 7, 4) == pixels).all()
+
+    def chunk(kind: bytes) -> bytes:
+        start = data.index(kind)
+        (length,) = struct.unpack(">I", data[start - 4 : start])
+        assert struct.unpack(">I", data[start + 4 + length : start + 8 + length])[0] == zlib.crc32(
+            data[start : start + 4 + length]
+        )
+        return data[start + 4 : start + 4 + length]
+
+    raw = np.frombuffer(zlib.decompress(chunk(b"IDAT")), np.uint8).reshape(5, 8)
+    palette = np.column_stack(
+        [np.frombuffer(chunk(b"PLTE"), np.uint8).reshape(-1, 3), np.frombuffer(chunk(b"tRNS"), np.uint8)]
+    )
+    assert (raw[:, 0] == 0).all(), "no filter"
+    assert np.abs(palette[raw[:, 1:]].astype(int) - pixels).max() <= raster.COARSE // 2
+
+
+def test_rare_colours_give_way_to_frequent_ones() -> None:
+    pixels = np.full((60, 60, 4), 255, dtype=np.uint8)
+    pixels[:30, :, :3] = [12, 120, 240]
+    pixels[30, :, 0] = np.arange(60) * 4
+    pixels[31:50, ::3, :3] = np.random.default_rng(1).integers(0, 255, (19, 20, 3))
+    colours, index = raster.indexed(pixels)
+    assert len(colours) == 256
+    apart = np.abs(colours[index].astype(int) - pixels)
+    assert apart[:30].max() <= raster.COARSE // 2 and apart[59].max() == 0
+    assert raster.indexed(np.zeros((2, 2, 4), dtype=np.uint8))[0].tolist() == [[0, 0, 0, 0]], "nothing stays clear"
 
 
 def test_exploded_parts_keep_their_shape_and_move_away_from_the_middle(solid: ReportData) -> None:

@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from mocca_robot.assembly import Array, IntArray, Mesh
 
@@ -24,6 +25,8 @@ MOST_PIXELS = 2_000_000
 """Pixels in the boxes of the triangles drawn at once: bounds the memory, changes nothing in the picture."""
 INK = np.array([43.0, 54.0, 67.0], dtype=np.float32)
 """Colour of the lines."""
+COARSE = 6
+"""Steps of a colour channel that count as one when a picture's palette is chosen."""
 HATCH_PX = 7
 """Distance of the hatching of fixed parts, in pixels of the finished picture."""
 
@@ -139,19 +142,31 @@ def painted(seen: Seen, fills: Sequence[str], fixed: Sequence[bool], finer: int)
     return np.dstack([mixed.round().clip(0, 255), (255 / finer**2 * cover).round()]).astype(np.uint8)
 
 
+def indexed(pixels: Pixels) -> tuple[Pixels, Pixels]:
+    """Return RGBA pixels (h, w, 4) as at most 256 colours (k, 4), the frequent ones, and each pixel's index (h, w)."""
+    coarse = np.where(pixels == 255, pixels, pixels // COARSE * COARSE + COARSE // 2).astype(np.uint8)
+    coarse[pixels[..., 3] == 0] = 0
+    keys = np.ascontiguousarray(coarse).view(np.uint32)[..., 0]
+    found, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    colours = found.view(np.uint8).reshape(-1, 4)
+    kept = np.sort(np.argsort(-counts, kind="stable")[:256])
+    nearest = np.asarray(cKDTree(colours[kept].astype(np.float64)).query(colours.astype(np.float64))[1], dtype=np.uint8)
+    return colours[kept], np.asarray(nearest[inverse.reshape(keys.shape)])
+
+
 def png(pixels: Pixels) -> bytes:
-    """Return RGBA pixels (h, w, 4) as a PNG file."""
-    height, width = pixels.shape[:2]
-    # Each row as the difference to the one above (filter 2): shaded faces then compress well.
-    above = np.vstack([np.zeros_like(pixels[:1]), pixels[:-1]])
-    rows = np.column_stack([np.full(height, 2, dtype=np.uint8), (pixels - above).reshape(height, -1)])
+    """Return RGBA pixels (h, w, 4) as a PNG file with a palette: a quarter of the size of one without."""
+    colours, index = indexed(pixels)
+    height, width = index.shape
+    rows = np.column_stack([np.zeros(height, dtype=np.uint8), index])
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
-    head = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
+    head = struct.pack(">IIBBBBB", width, height, 8, 3, 0, 0, 0)
+    palette = chunk(b"PLTE", colours[:, :3].tobytes()) + chunk(b"tRNS", colours[:, 3].tobytes())
     packed = zlib.compress(rows.tobytes(), 9)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + palette + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
 
 
 def data_uri(pixels: Pixels) -> str:
