@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 
 from mocca_robot.assembly import Array, Assembly, Equilibrium, Goal, Mesh, Part, Polygon, SupportFree
+from mocca_robot.extrusion import surface
 from mocca_robot.generators.blocks import hexahedron
-from sim.surface import surface
 
 KINDS = ("stack", "wall", "arch", "voronoi")
 SOLID_KINDS = ("blocks", *(f"solid_{kind}" for kind in (*KINDS, "notched")))

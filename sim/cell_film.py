@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mocca_robot.assembly import Array, Mesh, read_only
+from mocca_robot.extrusion import surface
 from mocca_robot.report.rehearsal import CellFilm, Chapter, ShownBody
 from mocca_robot.ur.links import capsules
 from mocca_robot.ur.models import RobotModel
@@ -19,7 +20,6 @@ from sim.cell_model import Workplace
 from sim.contact_model import embed
 from sim.film import FilmOptions, rendered, write_images
 from sim.mjcf import colour
-from sim.surface import surface
 
 STEEL, DARK, WOOD = (0.72, 0.74, 0.77), (0.3, 0.32, 0.35), (0.92, 0.9, 0.86)
 MOST_FRAMES = 1500

@@ -20,6 +20,7 @@ import numpy as np
 
 from mocca_robot.assembly import Array, Assembly, Part, Polygon
 from mocca_robot.contacts import Contact
+from mocca_robot.extrusion import surface
 from planners.cell import RobotCell
 from planners.site import Site
 from planners.tool import SuctionGripper
@@ -29,7 +30,6 @@ from sim.heard import listen
 from sim.inertia import inertia
 from sim.settings import Settings, settings_for
 from sim.solid_pieces import solid_pieces
-from sim.surface import surface
 
 Phase = Literal["fetch", "insert", "rest"]
 

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from mocca_robot.assembly import Array
 from mocca_robot.errors import EnvironmentNeeded, InputError
+from mocca_robot.extrusion import surface
 from mocca_robot.files.output import writable_folder, write_atomic
 from mocca_robot.loads import tilted_gravity
 from sim.contact_model import embed
 from sim.mjcf import colour
 from sim.motion import Motion, run
 from sim.scene import Compiled, Scene, compile_scene, spec, with_gravity
-from sim.surface import surface
 
 INSTALL_OPENGL = (
     "Install one: on Debian `apt-get install libegl1 libegl-mesa0 libgl1-mesa-dri` (EGL, also without a graphics "

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from mocca_robot.assembly import Array, Assembly, Mesh, Part
+from mocca_robot.extrusion import surface
 from mocca_robot.files.output import safe_file_names, writable_folder, write_atomic
 from sim.contact_model import embed
 from sim.inertia import inertia
 from sim.scene import Scene, spec
-from sim.surface import surface
 
 COLOURS = (
     (0.85, 0.55, 0.35),

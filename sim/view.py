@@ -14,6 +14,7 @@ import numpy as np
 from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import Contact
 from mocca_robot.errors import EnvironmentNeeded
+from mocca_robot.extrusion import surface
 from mocca_robot.files.output import write_atomic
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.verify import case_at, insertion_rim, solve_case
@@ -23,7 +24,6 @@ from sim.mjcf import colour
 from sim.motion import Motion
 from sim.scene import compile_scene
 from sim.stability import free_scene, judged
-from sim.surface import surface
 
 INSTALL = "The viewer needs viser: `pip install mocca-robot[viewer]`. report.html shows the same without it."
 FRAMES_PER_PART = 15

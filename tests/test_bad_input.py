@@ -122,7 +122,7 @@ def test_the_examples_here_are_sound(folder: Path) -> None:
         ("model: c.yaml", "name a file that holds parts"),
         ("model: modle.svg", "does not exist; did you mean '.*model.svg'"),
         ("model: notes.txt", "notes.txt' does not exist"),
-        ("model: [a]", "model must be a name"),
+        ("model: [a]", "model must be a text"),
         ('model: "a\\0b.svg"', "printable"),
         ("generator: {kind: dome}", "both 'model' and 'generator'"),
         ("name: ''", "printable"),

@@ -10,6 +10,7 @@ import trimesh
 from physics_models import box_stack_3d, jointed, stack
 
 from mocca_robot.errors import EnvironmentNeeded, InputError
+from mocca_robot.extrusion import surface
 from mocca_robot.loads import tilted_gravity
 from sim.contact_model import contact_model, facets
 from sim.film import FilmOptions, frames, platform_motion, png, write_film
@@ -17,7 +18,6 @@ from sim.mjcf import export_mjcf, export_urdf
 from sim.motion import Motion, run
 from sim.scene import compile_scene
 from sim.stability import free_scene, stability
-from sim.surface import surface
 
 SMALL = FilmOptions(width=64, height=48, fps=10, slow_motion=1.0)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,17 +19,23 @@ if TYPE_CHECKING:
 FORMATS = {
     "svg": "flat parts nested on a sheet, real scale, kerf and clearance applied",
     "dxf": "the same for CAD and laser cutters",
-    "obj": "one mesh per part",
+    "obj": "one mesh per part, in metres; flat parts as plates",
     "stl": "one mesh per part, in millimetres",
-    "3mf": "one mesh per part",
+    "3mf": "one mesh per part, in millimetres",
+    "ply": "one mesh per part, in metres",
     "glb": "the whole assembly for viewers",
     "mjcf": "a folder with a MuJoCo model that stands by itself",
     "urdf": "one per part, with its mesh",
     "json": "the parts as an assembly file",
     "figures": "a folder of vector figures for papers and slides, in 2D with a film",
+    "compas": "an Assembly of compas_assembly and compas_cra, with contacts and supports",
+    "compas-model": "a BlockModel of compas_dem and compas_model",
+    "csv": "of a plan.json its trajectories, of parts their bill",
     "urscript": "a plan.json as a program for a UR controller",
 }
-SHEETS, MESHES = ("svg", "dxf"), ("obj", "stl", "3mf")
+SHEETS, MESHES = ("svg", "dxf"), ("obj", "stl", "ply", "3mf")
+LEAST_WALL_MM = {"svg": 1.0, "dxf": 1.0, "stl": 0.8, "3mf": 0.8}
+"""Below, parts break or cannot be made: two lines of a 0.4 mm nozzle; charred wood beside a laser's cut."""
 
 
 def add(commands: Any) -> None:
@@ -46,77 +53,131 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--scale", type=float, default=1.0, metavar="S", help="size on the print bed, such as 0.1")
     parser.add_argument("--label-depth", type=float, default=0.0, metavar="MM", help="engrave numbers this deep, in mm")
+    parser.add_argument(
+        "--min-wall",
+        type=float,
+        metavar="MM",
+        help="warn of walls and slots thinner than this as made (default: 0.8 for stl and 3mf, 1 for svg and dxf)",
+    )
     arguments.add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 after writing the files."""
-    if not args.scale > 0.0:
+    if not 0.0 < args.scale < 1e6:
         raise InputError(f"--scale {args.scale:g} is no size; give a number above 0, such as 0.1.")
     if args.bed and args.format not in ("stl", "3mf"):
         raise InputError(f"Print beds are written as stl or 3mf, not as {args.format}.")
+    if args.clearance and args.format not in (*MESHES, "glb"):
+        raise InputError(f"--clearance is for meshes; for {args.format} set cut.clearance (--set cut.clearance=0.1).")
+    if args.min_wall is not None and not 0.0 <= args.min_wall < 1e6:
+        raise InputError(f"--min-wall is {args.min_wall:g}; give a thickness in mm, 0 to ask for no check.")
     console = Console(args.json)
     with console.stage("export"):
-        files = _plan(args) if args.format == "urscript" else _parts(args)
+        files, thin = (_plan(args), []) if _is_plan(args) else _parts(args)
+    for line in thin:
+        console.warn(f"warning: {line}")
     for file in files:
         console.say(str(file))
-    return console.finish(0, {"format": args.format, "files": [str(f) for f in files]})
+    return console.finish(0, {"format": args.format, "files": [str(f) for f in files], "warnings": thin})
+
+
+def _is_plan(args: argparse.Namespace) -> bool:
+    """Return whether the input is to be read as a plan: for urscript always, for csv when the file says so."""
+    if args.format == "urscript":
+        return True
+    path = Path(args.input)
+    if args.format != "csv" or path.suffix.lower() != ".json" or not path.is_file():
+        return False
+    from mocca_robot.files.documents import parse_json, read_text
+    from mocca_robot.ur.plan import FORMAT
+
+    data = parse_json(read_text(path), f"'{path}'")
+    return isinstance(data, dict) and data.get("format") == FORMAT
 
 
 def _plan(args: argparse.Namespace) -> list[Path]:
+    from mocca_robot.files.output import write_atomic
     from mocca_robot.ur.commands import export_urscript
+    from mocca_robot.ur.plan_reader import read_plan
+    from mocca_robot.ur.trajectory_csv import trajectory_csv
 
-    target = Path(args.output) if args.output else Path(args.input).with_suffix(".script")
+    ending = ".csv" if args.format == "csv" else ".script"
+    target = Path(args.output) if args.output else Path(args.input).with_suffix(ending)
     _writable(target.parent)
+    if args.format == "csv":
+        return [write_atomic(target, trajectory_csv(read_plan(args.input)))]
     return [export_urscript(Path(args.input), target)]
 
 
-def _parts(args: argparse.Namespace) -> list[Path]:
-    from mocca_robot.assembly import Mesh
+def _parts(args: argparse.Namespace) -> tuple[list[Path], list[str]]:
     from mocca_robot.files.output import safe_file_names
 
     config = arguments.load(args)
     assembly = config.assembly
     stem = safe_file_names([assembly.name])[assembly.name]
     if args.format == "figures":
-        return _figures(args, config, _writable(Path(args.output or f"{stem}_figures")))
-    if args.format == "json":
-        from mocca_robot.files.assembly_json import write_assembly
-
-        target = Path(args.output or f"{stem}.json")
-        _writable(target.parent)
-        return [write_assembly(assembly, target)]
+        return _figures(args, config, _writable(Path(args.output or f"{stem}_figures"))), []
     if args.format in SHEETS:
+        from mocca_robot.files.clearance import with_clearance
         from mocca_robot.files.cut import write_cut_dxf, write_cut_svg
 
         target = Path(args.output or f"{stem}.{args.format}")
         _writable(target.parent)
         write = write_cut_svg if args.format == "svg" else write_cut_dxf
-        return [write(assembly, target, config.cut)]
+        files = [write(assembly, target, config.cut)]
+        return files, _thin(args, with_clearance(assembly, config.cut.clearance))
     if args.format in ("mjcf", "urdf"):
-        return _models(args.format, assembly, _writable(Path(args.output or f"{stem}_{args.format}")))
-    if assembly.dimension == 2:
-        raise InputError(f"'{assembly.name}' is flat; export it as one of {', '.join(SHEETS)}, not as {args.format}.")
+        return _models(args.format, assembly, _writable(Path(args.output or f"{stem}_{args.format}"))), []
+    if args.format in (*MESHES, "glb"):
+        return _meshes(args, assembly, stem)
+    endings = {"compas": "_compas.json", "compas-model": "_compas.json", "csv": "_parts.csv", "json": ".json"}
+    target = Path(args.output or stem + endings[args.format])
+    _writable(target.parent)
+    return [_document(args.format, assembly, target)], []
+
+
+def _document(kind: str, assembly: Assembly, target: Path) -> Path:
+    if kind == "json":
+        from mocca_robot.files.assembly_json import write_assembly
+
+        return write_assembly(assembly, target)
+    if kind == "csv":
+        from mocca_robot.files.output import write_atomic
+        from mocca_robot.report.bill import bill_csv
+
+        return write_atomic(target, bill_csv(assembly))
+    from mocca_robot.contacts import find_contacts
+    from mocca_robot.files.compas_write import write_compas
+
+    if kind == "compas-model":
+        return write_compas(assembly, target, kind="model")
+    return write_compas(assembly, target, find_contacts(assembly).contacts)
+
+
+def _meshes(args: argparse.Namespace, assembly: Assembly, stem: str) -> tuple[list[Path], list[str]]:
+    from mocca_robot.extrusion import surface
     from mocca_robot.files.clearance import with_clearance
+    from mocca_robot.files.meshes import write_glb, write_parts
+    from mocca_robot.files.output import safe_file_names
 
+    flat = assembly
     assembly = with_clearance(assembly, args.clearance * 1e-3 / args.scale) if args.clearance else assembly
+    thin = _thin(args, assembly)
+    meshes = [surface(p) for p in assembly.parts]
+    assembly = assembly.with_shapes(meshes)
     if args.bed:
-        return _beds(args, assembly, _writable(Path(args.output or stem)))
+        return _beds(args, flat, assembly, _writable(Path(args.output or stem))), thin
     if args.format == "glb":
-        from mocca_robot.files.meshes import write_glb
-
         target = Path(args.output or f"{stem}.glb")
         _writable(target.parent)
-        return [write_glb(assembly, target)]
-    from mocca_robot.files.meshes import write_parts
-
+        return [write_glb(assembly, target)], thin
     folder = _writable(Path(args.output or stem))
-    meshes = [p.shape for p in assembly.parts if isinstance(p.shape, Mesh)]
     names = safe_file_names(assembly.sequence)
     # Slicers read STL in millimetres; 3MF says its unit itself.
     unit = "mm" if args.format == "stl" else "m"
-    return write_parts([names[n] for n in assembly.sequence], meshes, folder, args.format, unit)
+    return write_parts([names[n] for n in assembly.sequence], meshes, folder, args.format, unit), thin
 
 
 def _figures(args: argparse.Namespace, config: Config, folder: Path) -> list[Path]:
@@ -137,15 +198,30 @@ def _figures(args: argparse.Namespace, config: Config, folder: Path) -> list[Pat
     return list(write_figures(folder, data))
 
 
-def _beds(args: argparse.Namespace, assembly: Assembly, folder: Path) -> list[Path]:
+def _thin(args: argparse.Namespace, assembly: Assembly) -> list[str]:
+    from mocca_robot.files.walls import warnings
+
+    limit = LEAST_WALL_MM.get(args.format, 0.0) if args.min_wall is None else args.min_wall
+    scale = args.scale if args.bed else 1.0
+    return list(warnings(assembly, limit * 1e-3, scale)) if limit > 0 else []
+
+
+def _beds(args: argparse.Namespace, source: Assembly, assembly: Assembly, folder: Path) -> list[Path]:
     from mocca_robot.contacts import find_contacts
+    from mocca_robot.extrusion import standing
     from mocca_robot.files.print_bed import print_beds, write_beds
 
     sides = args.bed.lower().replace("×", "x").split("x")
     if len(sides) != 2 or not all(side.replace(".", "", 1).isdigit() and float(side) > 0 for side in sides):
         raise InputError(f"'{args.bed}' is no bed size; give width x depth in millimetres, such as --bed 220x220.")
     bed = (float(sides[0]) * 1e-3, float(sides[1]) * 1e-3)
-    contacts = find_contacts(assembly).contacts if args.label_depth else ()
+    if not 0.0 <= args.label_depth < 1e3:
+        raise InputError(f"--label-depth is {args.label_depth:g}; give a depth in mm, such as 0.4.")
+    contacts = (
+        [replace(c, polygon=standing(c.polygon), normal=standing(c.normal)) for c in find_contacts(source).contacts]
+        if args.label_depth
+        else ()
+    )
     nested = print_beds(assembly, bed, scale=args.scale, label_depth=args.label_depth * 1e-3, contacts=contacts)
     return write_beds(nested, folder, args.format)
 

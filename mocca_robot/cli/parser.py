@@ -13,9 +13,12 @@ from mocca_robot.cli import (
     check,
     cite,
     compare,
+    config_show,
     design,
+    examples,
     export,
     info,
+    new,
     plan,
     rehearse,
     run,
@@ -72,7 +75,23 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"mocca-robot {info.own_version()}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for command in (run, design, simulate, study, view, check, sequence, plan, rehearse, export, info, cite):
+    for command in (
+        new,
+        examples,
+        run,
+        design,
+        simulate,
+        study,
+        view,
+        check,
+        config_show,
+        sequence,
+        plan,
+        rehearse,
+        export,
+        info,
+        cite,
+    ):
         command.add(commands)
     if importlib.util.find_spec(compare.COMPARISON) is not None:
         compare.add(commands)

@@ -13,7 +13,7 @@ from mocca_robot.assembly import Array, Assembly, Interlocking, Part, Polygon
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields, schema
 from mocca_robot.files.assembly_json import gravity_from_data, in_sequence
-from mocca_robot.files.documents import MAX_YAML_BYTES, existing_path, parse_yaml, read_text
+from mocca_robot.files.documents import MAX_YAML_BYTES, existing_path, parse_yaml, read_text, yaml_key_lines
 from mocca_robot.files.goals import goals_from_data
 from mocca_robot.files.model import Model, generated, read_model
 from mocca_robot.files.schema import CutOptions, SimulationOptions
@@ -29,12 +29,14 @@ PLAUSIBLE_SIZE_M = (0.005, 500.0)
 class EffectiveValue:
     """A key, the value as it was written (or its default), and who says so.
 
-    `origin` is 'argument', 'configuration', 'model' or 'default'.
+    `origin` is 'argument', 'configuration', 'model' or 'default'; `line` that of the configuration, from 1. Keys of
+    single parts are there where somebody set them: 'parts.NAME.density'.
     """
 
     key: str
     value: Any
     origin: str
+    line: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +82,11 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
     path = Path(path)
     where = f"'{path}'"
     data: dict[str, Any] = {}
+    lines: dict[tuple[str, ...], int] = {}
     if path.suffix.lower() in (".yaml", ".yml"):
-        content = parse_yaml(read_text(path, MAX_YAML_BYTES), where)
+        text = read_text(path, MAX_YAML_BYTES)
+        content = parse_yaml(text, where)
+        lines = yaml_key_lines(text)
         if content is None:
             raise InputError(f"{where} holds nothing but comments; it needs at least 'model: FILE'.")
         data = fields.mapping(content, where)
@@ -116,7 +121,7 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
         simulate=schema.options(SimulationOptions, simulate),
         cut=schema.options(CutOptions, cut),
         notes=model.notes + _suspicions(assembly),
-        values=_effective(data, arguments or {}, model),
+        values=_effective(data, lines, arguments or {}, model),
     )
 
 
@@ -242,17 +247,28 @@ def _insertion(model: Model, data: Mapping[str, Any], assembly: Assembly, where:
     return found
 
 
-def _effective(data: Mapping[str, Any], arguments: Mapping[str, Any], model: Model) -> tuple[EffectiveValue, ...]:
+def _effective(
+    data: Mapping[str, Any], lines: Mapping[tuple[str, ...], int], arguments: Mapping[str, Any], model: Model
+) -> tuple[EffectiveValue, ...]:
     found = []
+    written = (("argument", arguments), ("configuration", data))
     for key in schema.KEYS:
-        first, _, last = key.name.partition(".")
-        if "NAME" in key.name or (key.kind == "mapping" and any(k.name.startswith(f"{first}.") for k in schema.KEYS)):
+        path = tuple(key.name.split("."))
+        if "NAME" in path or (key.kind == "mapping" and any(k.name.startswith(f"{key.name}.") for k in schema.KEYS)):
             continue
-        for origin, values in (("argument", arguments), ("configuration", data)):
-            inside = values.get(first) if last else values
-            if isinstance(inside, Mapping) and (last or first) in inside:
-                found.append(EffectiveValue(key.name, inside[last or first], origin))
+        for origin, values in written:
+            inside = values.get(path[0]) if len(path) > 1 else values
+            if isinstance(inside, Mapping) and path[-1] in inside:
+                line = lines.get(path) if origin == "configuration" else None
+                found.append(EffectiveValue(key.name, inside[path[-1]], origin, line))
                 break
         else:
             found.append(EffectiveValue(key.name, key.default, "model" if key.name in model.given else "default"))
+    for origin, values in written:
+        single = values.get("parts")
+        replaced = arguments.get("parts", {}) if origin == "configuration" else {}
+        for name, settings in single.items() if isinstance(single, Mapping) else ():
+            for last, value in settings.items() if name not in replaced else ():
+                line = lines.get(("parts", str(name), last)) if origin == "configuration" else None
+                found.append(EffectiveValue(f"parts.{name}.{last}", value, origin, line))
     return tuple(found)

@@ -123,6 +123,33 @@ def parse_yaml(text: str, where: str) -> Any:
             loader.dispose()
 
 
+def yaml_text(value: Any) -> str:
+    """Return plain data as YAML on one line that `parse_yaml` reads back: words bare, everything else as JSON."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(yaml_text, value))}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{yaml_text(k)}: {yaml_text(v)}" for k, v in value.items()) + "}"
+    bare = isinstance(value, str) and re.fullmatch(r"[A-Za-z_][A-Za-z0-9_./-]*", value)
+    if bare and value.lower() not in ("true", "false", "null", "yes", "no", "on", "off"):
+        return str(value)
+    return json.dumps(value, ensure_ascii=False)
+
+
+def yaml_key_lines(text: str) -> dict[tuple[str, ...], int]:
+    """Return the line, from 1, of every key of a YAML text that `parse_yaml` has read: path of keys → line."""
+    import yaml
+
+    found: dict[tuple[str, ...], int] = {}
+
+    def walk(node: Any, path: tuple[str, ...]) -> None:
+        for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
+            found[(*path, key.value)] = key.start_mark.line + 1
+            walk(value, (*path, key.value))
+
+    walk(yaml.compose(text, Loader=_plain_loader()), ())
+    return found
+
+
 def _plain_loader() -> Any:
     import yaml
 

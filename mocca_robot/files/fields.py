@@ -24,6 +24,7 @@ UNITS_M: Mapping[str, float] = {
 """Metres per unit. px is the CSS pixel that SVG uses."""
 
 MAX_NAME = 100
+MAX_TEXT = 4000
 
 
 def shown(value: object) -> str:
@@ -106,6 +107,13 @@ def part_name(value: object, where: str) -> str:
         raise InputError(
             f"{where} is {shown(value)}; a name has 1 to {MAX_NAME} printable characters. Rename it in the file."
         )
+    return value
+
+
+def text(value: object, where: str) -> str:
+    """Return a text of 1 to 4000 printable characters, such as a path."""
+    if not isinstance(value, str) or not value.strip() or len(value) > MAX_TEXT or not value.isprintable():
+        raise InputError(f"{where} must be a text of 1 to {MAX_TEXT} printable characters, not {shown(value)}.")
     return value
 
 

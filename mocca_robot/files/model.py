@@ -11,7 +11,7 @@ import numpy as np
 
 from mocca_robot.assembly import Array, Assembly, Mesh, Part, Polygon, Shape
 from mocca_robot.errors import InputError, nearest
-from mocca_robot.files import assembly_json, design_json, fields
+from mocca_robot.files import assembly_json, compas_read, design_json, fields
 from mocca_robot.files.documents import existing_path, parse_json, read_text
 from mocca_robot.files.schema import GENERATORS, MODEL_FILES
 
@@ -99,7 +99,10 @@ def _from_svg(path: Path, units: str | None, scale: float) -> Model:
 
 def _from_json(path: Path, units: str | None, scale: float) -> Model:
     where = f"'{path}'"
-    data = fields.mapping(parse_json(read_text(path), where), where)
+    content = parse_json(read_text(path), where)
+    if compas_read.is_compas(content):
+        return _from_compas(content, path, units, scale)
+    data = fields.mapping(content, where)
     found = data.get("format")
     if found == design_json.FORMAT:
         design = design_json.read_design(path)
@@ -112,11 +115,24 @@ def _from_json(path: Path, units: str | None, scale: float) -> Model:
         _require_same_unit(where, file.unit, units)
         return Model(scaled(file.assembly, scale), fields.UNITS_M[file.unit], file.unit, file.given, notes=file.notes)
     if found is None:
-        raise InputError(f'{where} has no "format"; an assembly begins with "format": "{assembly_json.FORMAT}".')
+        raise InputError(
+            f'{where} has no "format"; an assembly begins with "format": "{assembly_json.FORMAT}" (or, written by '
+            'COMPAS, has a "dtype").'
+        )
     raise InputError(
         f'{where} has "format": {fields.shown(found)}, which holds no parts; '
         f"{nearest(str(found)[:60], (assembly_json.FORMAT, design_json.FORMAT))}"
     )
+
+
+def _from_compas(content: object, path: Path, units: str | None, scale: float) -> Model:
+    unit = units or "m"
+    where = f"'{path}'"
+    assembly, notes = compas_read.assembly_from_compas(content, path.stem, where, fields.UNITS_M[unit])
+    if units is None:
+        notes = (*notes, f"{where}: COMPAS files carry no unit; read as metres ('units' says otherwise)")
+    given = {"sequence"} | ({"fixed"} if any(p.fixed for p in assembly.parts) else set())
+    return Model(scaled(assembly, scale), fields.UNITS_M[unit], unit, frozenset(given), notes=notes)
 
 
 def _require_same_unit(where: str, unit: str, declared: str | None) -> None:

@@ -31,7 +31,7 @@ class ObjObject:
 
     def triangles(self) -> IntArray:
         """Return (F, 3) vertex indices; polygons are cut by ears in their mean plane."""
-        found = [t for face in self.faces for t in _triangulate(self.vertices, face)]
+        found = [t for face in self.faces for t in triangulate(self.vertices, face)]
         return np.array(found, dtype=np.int64).reshape(-1, 3)
 
 
@@ -94,7 +94,8 @@ def _index(word: str, count: int) -> int:
     return number - 1 if number > 0 else count + number
 
 
-def _triangulate(vertices: Array, face: list[int]) -> list[list[int]]:
+def triangulate(vertices: Array, face: list[int]) -> list[list[int]]:
+    """Return triangles (vertex indices) that fill a polygon of `vertices` (V, 3): a fan, or ears where it bends in."""
     if len(face) <= 3:
         return [face] if len(face) == 3 else []
     points = vertices[face]

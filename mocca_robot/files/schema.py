@@ -95,8 +95,10 @@ class Key:
             return checks.length(data, metres, where, self.low, above=self.above)
         if self.kind == "boolean":
             return checks.boolean(data, where)
-        if self.kind in ("name", "text"):
+        if self.kind == "name":
             return checks.part_name(data, where)
+        if self.kind == "text":
+            return checks.text(data, where)
         if self.kind == "names":
             return checks.names(data, where)
         if self.kind == "choice":
