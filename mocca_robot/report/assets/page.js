@@ -107,8 +107,13 @@ const sequence = { value: 0, count: 0, poses: null, listeners: [], draw() { for 
     play.textContent = "❚❚ Pause";
     moveTo(Math.floor(sequence.value + 1e-9) + 1);
   });
-  byId("forward").addEventListener("click", () => { const v = Math.floor(sequence.value + 1e-9) + 1; stop(); moveTo(v); });
-  byId("back").addEventListener("click", () => { stop(); set(Math.ceil(sequence.value - 1e-9) - 1); });
+  const forward = () => { const v = Math.floor(sequence.value + 1e-9) + 1; stop(); moveTo(v); };
+  const back = () => { stop(); set(Math.ceil(sequence.value - 1e-9) - 1); };
+  byId("forward").addEventListener("click", forward);
+  byId("back").addEventListener("click", back);
+  // Dragging is smooth; keys go from part to part.
+  const keys = { ArrowRight: forward, ArrowUp: forward, ArrowLeft: back, ArrowDown: back };
+  slider.addEventListener("keydown", (e) => { if (keys[e.key]) { e.preventDefault(); keys[e.key](); } });
   slider.addEventListener("input", () => { stop(); set(Number(slider.value)); });
   for (const button of all(".step")) {
     button.addEventListener("click", () => {
