@@ -360,22 +360,39 @@ def _violated(
     return sp.csr_array(entries, shape=(len(joint), sum(layout.sizes))), hinges[joint, row]
 
 
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """Where a descent stands before its next step: enough to go on exactly there.
+
+    Attributes:
+        parameters: where it is.
+        damping: of the next Levenberg–Marquardt step.
+        values: the objective before every step so far.
+    """
+
+    parameters: Parameters
+    damping: float = 1e-3
+    values: tuple[float, ...] = ()
+
+
 def descend(
-    problem: Problem, start: Parameters, steps: int, progress: Callable[[int, float], None] | None
+    problem: Problem, start: Descent, steps: int, watch: Callable[[Descent, EnergyResult], None] | None
 ) -> tuple[Parameters, int]:
-    """Return where Levenberg–Marquardt steps end: everything holds, nothing moves, or `steps` are used up."""
-    parameters, damping = start, 1e-3
+    """Return where Levenberg–Marquardt steps end: everything holds, nothing moves, or `steps` are used up.
+
+    `watch` is shown every step's beginning and E there; steps of `start` count.
+    """
+    parameters, damping, values = start.parameters, start.damping, list(start.values)
     warm: EnergyResult | None = None
-    values: list[float] = []
-    for count in range(steps):
+    for count in range(len(values), steps):
         layout = Layout.of(problem, parameters)
         if not sum(layout.sizes):
             return parameters, count + 1
         here = linearised(problem, layout, parameters, warm)
         warm, worst = here.result, float(here.result.infeasibility.max())
+        if watch is not None:
+            watch(Descent(parameters, damping, tuple(values)), here.result)
         values.append(here.value)
-        if progress is not None:
-            progress(count, worst)
         stalled = len(values) > PATIENCE and values[-1] > 0.7 * values[-1 - PATIENCE]
         if (here.violation <= VIOLATED and worst <= 0.1 * MARGIN_SOLVED) or stalled:
             return parameters, count + 1
@@ -387,7 +404,7 @@ def descend(
             damping = max(damping * 6.0, 1e-6)
         else:
             return parameters, count + 1
-    return parameters, steps
+    return parameters, max(steps, 0)
 
 
 def _step(layout: Layout, parameters: Parameters, here: Linear, damping: float) -> Array:

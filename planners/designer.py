@@ -24,7 +24,7 @@ from planners.descent import Parameters, Problem, evaluate
 from planners.energy import Loads
 from planners.kinematic import Impossible, bound
 from planners.realization import Polished
-from planners.search import Progress, search
+from planners.search import Keep, Progress, Searched, SearchState, search
 from planners.shapes import Shapes
 from planners.shapes2d import Shapes2D
 from planners.shapes3d import Shapes3D
@@ -51,6 +51,8 @@ class Designed:
         narrow: parts that no joint can give the α that is asked for.
         margin_rad: tilt that every required state survives on top of its load, as far as designed for.
         evaluations: how often E was evaluated.
+        interrupted: what Ctrl-C cut short; the joints are then the nearest found so far. None: it ran to its end.
+        searched: the joints as the search left them, from which a similar design can start; None without a search.
     """
 
     design: Design
@@ -59,6 +61,8 @@ class Designed:
     narrow: tuple[NarrowPart, ...] = ()
     margin_rad: float = 0.0
     evaluations: int = 0
+    interrupted: str | None = None
+    searched: Searched | None = None
     cases: tuple[LoadCase, ...] = field(default=())
 
 
@@ -69,8 +73,13 @@ def design(
     insertion: Mapping[str, Array] | None = None,
     contacts: ContactReport | None = None,
     progress: Progress | None = None,
+    resume: SearchState | None = None,
+    keep: Keep | None = None,
+    near: Searched | None = None,
 ) -> Designed:
     """Return cone joints under which `assembly` meets its goals, or the evidence that it cannot.
+
+    Ctrl-C during the search for joints ends it with the nearest ones so far, and `interrupted` set.
 
     Args:
         assembly: planar contacts, parts in assembly order.
@@ -78,12 +87,15 @@ def design(
         insertion: insertion directions d_j by part name; by default the designer chooses.
         contacts: from `find_contacts`, when already at hand.
         progress: called now and then.
+        resume: where an interrupted design of the same assembly with the same options stood.
+        near: joints of a similar design over the same contacts (`Designed.searched`), to start from.
+        keep: shown every state that `resume` can take; `planners.checkpoint` puts them into a file.
 
     Raises InputError when parts overlap, float free, or none is fixed.
     """
     # Load cases run side by side; a pool of threads inside each would only get in their way.
     with threadpool_limits(limits=1, user_api="blas"):
-        return _designed(assembly, options or JointOptions(), insertion, contacts, progress)
+        return _designed(assembly, options or JointOptions(), insertion, contacts, progress, resume, keep, near)
 
 
 def _designed(
@@ -92,29 +104,27 @@ def _designed(
     insertion: Mapping[str, Array] | None,
     contacts: ContactReport | None,
     progress: Progress | None,
+    resume: SearchState | None,
+    keep: Keep | None,
+    near: Searched | None,
 ) -> Designed:
     started = time.perf_counter()
     report = contacts or find_contacts(assembly)
     require_sound(assembly, report)
-    # Between two fixed parts nothing is carried and nothing is inserted.
-    found = tuple(c for c in report.contacts if not assembly.fixed[list(c.parts)].all())
+    found = joint_contacts(assembly, report)
     if not found:
         raise InputError(f"'{assembly.name}' has no part that moves and touches another; there is nothing to design.")
     required = load_cases(assembly)
-    margins = margin_cases(assembly, required, options.tilt_margin_rad)
-    loads = Loads.of(assembly, found, (*required, *margins))
-    pairs = np.array([c.parts for c in found])
     motions = part_motions(assembly, [planar(c) for c in found])
     given = np.zeros(len(assembly.parts), dtype=np.bool_)
     given[[assembly.index(name) for name in insertion or {}]] = True
     axis = _start_axes(assembly, found, motions, insertion or {})
-    shapes: Shapes
-    if assembly.dimension == 2:
-        shapes = Shapes2D.of(assembly, found, options)
-    else:
-        shapes = Shapes3D.of(assembly, found, options, axis)
+    margins = margin_cases(assembly, required, options.tilt_margin_rad)
+    loads = Loads.of(assembly, found, (*required, *margins))
+    shapes = joint_shapes(assembly, found, options, axis)
     # In 3D a way out is a sweep-confirmed find among parts further away: joints are made for it, it stays.
     turning = ~given & (assembly.dimension == 2 and assembly.alpha_rad is not None)
+    pairs = np.array([c.parts for c in found])
     problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad, turning)
     start = _planar_start(shapes, axis)
     before = evaluate(problem, start)
@@ -122,13 +132,18 @@ def _designed(
 
     impossible = None
     polished = Polished(start, before.infeasibility, 0.0, 0)
+    searched: Searched | None = None
     kinematic = realization = 0.0
     if before.infeasibility.max(initial=0.0) > 1e-13 and not narrow:
-        proof = bound(assembly, found, shapes.can_curve, options, loads, len(required))
+        # A state to go on from exists only where the bound proved nothing.
+        proof = None
+        if resume is None:
+            proof = bound(assembly, found, shapes.can_curve, options, loads, len(required))
         impossible = None if proof is None else (required[proof.case].name, proof)
         kinematic = time.perf_counter() - started
         if impossible is None:
-            shapes, polished = search(problem, start, progress)
+            searched = search(problem, start, progress, resume=resume, keep=keep, near=near)
+            shapes, polished = searched.shapes, searched.polished
             problem = replace(problem, shapes=shapes)
         realization = time.perf_counter() - started - kinematic
     result = _built(assembly, problem, given, required, before.infeasibility, polished)
@@ -143,8 +158,22 @@ def _designed(
         narrow,
         options.tilt_margin_rad if polished.infeasibility.max(initial=0.0) <= 1e-9 else 0.0,
         polished.evaluations,
+        None if searched is None else searched.interrupted,
+        searched,
         required,
     )
+
+
+def joint_contacts(assembly: Assembly, report: ContactReport) -> tuple[Contact, ...]:
+    """Return the contacts that joints may replace: between two fixed parts nothing is carried or inserted."""
+    return tuple(c for c in report.contacts if not assembly.fixed[list(c.parts)].all())
+
+
+def joint_shapes(assembly: Assembly, contacts: Sequence[Contact], options: JointOptions, axis: Array) -> Shapes:
+    """Return the parametrised joints over `contacts`, for parts that leave along `axis` (N, d)."""
+    if assembly.dimension == 2:
+        return Shapes2D.of(assembly, contacts, options)
+    return Shapes3D.of(assembly, contacts, options, axis)
 
 
 def margin_cases(assembly: Assembly, required: Sequence[LoadCase], tilt_rad: float) -> tuple[LoadCase, ...]:
@@ -172,7 +201,9 @@ def _start_axes(
     up = np.zeros(assembly.dimension)
     up[-1] = 1.0
     axis = np.tile(up, (len(assembly.parts), 1))
-    free = ways_out(assembly, contacts, room_rad=float(np.deg2rad(5.0)))
+    # Sweeps are only needed where nobody has given a direction.
+    given = all(p.fixed or p.name in insertion for p in assembly.parts)
+    free = {} if given else ways_out(assembly, contacts, room_rad=float(np.deg2rad(5.0)))
     for part, motion in motions.items():
         axis[part] = free.get(part, motion.axis)
     for name, direction in insertion.items():

@@ -12,6 +12,7 @@ import numpy as np
 
 from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import Contact, ContactReport, find_contacts, require_sound
+from mocca_robot.content_hash import assembly_hash
 from mocca_robot.loads import LoadCase, state_cases
 from mocca_robot.statics import Status
 from mocca_robot.verify import solve_case
@@ -24,7 +25,7 @@ from sim.robust import robust_report, robust_trials
 from sim.simulation import ConeSummary, Simulation
 from sim.states import StateResult, state_result
 from sim.tilt import TiltReport, azimuths, physical_tilt, tilt_scene
-from sim.trial_store import Row, Trial, TrialStore, assembly_hash, run_trials
+from sim.trial_store import Row, Trial, TrialStore, run_trials
 
 METHOD = 2
 """Raise it when verdicts are reached in another way: trials kept from before then run again."""

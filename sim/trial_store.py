@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, is_dataclass
-from dataclasses import fields as fields_of
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import numpy as np
-
-from mocca_robot.assembly import Assembly, Polygon
+from mocca_robot.content_hash import content_hash
 
 Row: TypeAlias = dict[str, Any]
 """A finished trial as plain JSON values."""
@@ -109,37 +105,3 @@ def run_trials(
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
     return rows
-
-
-def content_hash(content: tuple[Any, ...]) -> str:
-    """Return a hash of plain values, arrays and dataclasses of these; equal content gives equal hashes."""
-    return hashlib.sha256(json.dumps(_plain(content), sort_keys=True).encode()).hexdigest()
-
-
-def assembly_hash(assembly: Assembly) -> str:
-    """Return a hash of the geometry, masses and order of the parts."""
-    digest = hashlib.sha256()
-    for part in assembly.parts:
-        digest.update(repr((part.name, part.density, part.fixed)).encode())
-        shape = part.shape
-        arrays = (
-            (*shape.rings, np.array(shape.thickness)) if isinstance(shape, Polygon) else (shape.vertices, shape.faces)
-        )
-        for array in arrays:
-            digest.update(np.ascontiguousarray(array).tobytes())
-    digest.update(np.ascontiguousarray(assembly.gravity).tobytes())
-    return digest.hexdigest()
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
-    if is_dataclass(value) and not isinstance(value, type):
-        return [type(value).__name__, *[_plain(getattr(value, f.name)) for f in fields_of(value)]]
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (tuple, list)):
-        return [_plain(v) for v in value]
-    return value

@@ -47,7 +47,7 @@ def test_what_is_written_stands_and_goes_together(name: str, tmp_path: Path) -> 
 def test_a_small_subset_of_the_towers_contacts_changes() -> None:
     config = load(CONFIGS / "lilium_tower.yaml")
     joints = design(config.assembly, config.joints).design.joints
-    assert 0 < sum(not joint.is_planar for joint in joints) < len(joints) / 2
+    assert 0 < sum(not joint.is_planar for joint in joints) <= len(joints) / 5
 
 
 @pytest.mark.long

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from physics_models import WIDTH, jointed, stack
 
+from mocca_robot.content_hash import content_hash
 from mocca_robot.errors import InputError
 from sim.questions import Questions
 from sim.robust import RobustOptions, wilson
@@ -16,7 +17,7 @@ from sim.simulate import simulate
 from sim.simulation import Simulation
 from sim.simulation_json import read_simulation, simulation_to_data, write_simulation
 from sim.tilt import TiltReport
-from sim.trial_store import Trial, TrialStore, content_hash, run_trials
+from sim.trial_store import Trial, TrialStore, run_trials
 
 ASK = Questions(directions=3, clearances=(0.0, 3e-4), threads=2)
 

@@ -137,13 +137,14 @@ ORDER = ("foot", "shin", "post", "eave_a", "eave_b", "lintel", "rafter", "spar")
 # --- lilium tower ----------------------------------------------------------------------------------------------
 
 LILIUM_PROFILE = (
-    (1.0, 0.0), (0.87, 0.36), (0.78, 0.72), (0.72, 1.08), (0.7, 1.42), (0.73, 1.76), (0.77, 2.06), (0.73, 2.3),
+    (1.2, 0.0), (1.12, 0.36), (1.03, 0.72), (0.95, 1.08), (0.87, 1.42), (0.79, 1.76), (0.72, 2.06), (0.73, 2.3),
     (0.58, 2.42), (0.41, 2.38), (0.25, 2.3),
 )  # fmt: skip
-"""Radius and height of the beds, metres: a waist, a lip, and the inverted bump inside it."""
-LILIUM_LEAN_DEG = (0, 0, 0, 0, 2, 6, 16, 38, 62, 70, 76)
-"""How far the beds rise outwards; in the bump they lean out as well, so that blocks go in from above."""
-LILIUM_BLOCKS = [18, 18, 17, 17, 15, 13, 13, 12, 9, 6]
+"""Radius and height of the beds, metres: a tapering wall, a lip, and the inverted bump inside it."""
+LILIUM_LEAN_DEG = (0, 4, 8, 10, 12, 14, 20, 30, 44, 50, 54)
+"""How far the beds rise outwards: square to the wall, whose inward thrust then answers the bump's outward one; in the
+bump they lean out more, so that blocks go in from above."""
+LILIUM_BLOCKS = [18, 18, 17, 17, 14, 14, 13, 12, 9, 6]
 LILIUM_LOBES = 3
 
 

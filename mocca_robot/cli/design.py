@@ -20,7 +20,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Return the exit status of the command."""
+    """Return the exit status of the command. Ctrl-C keeps the joints as far as they were found."""
     from mocca_robot.cli import stages
     from mocca_robot.cli.verdict import conclude, introduce
 
@@ -32,8 +32,11 @@ def run(args: argparse.Namespace) -> int:
         console.warn(f"note: {note}")
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
-    result = stages.designed(config, contacts, console)
+    result = stages.designed(config, contacts, folder, console)
     files, problems = stages.written(result, config, folder, console)
+    if result.interrupted is not None:
+        return stages.interrupted(result, files, folder, console)
     outcome = stages.verified(folder, result, files, problems, console)
     outcome = stages.reported(outcome, config, folder, console)
+    stages.concluded(folder)
     return conclude(outcome, console)

@@ -21,7 +21,7 @@ def add(commands: Any) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Return the exit status of the command. Ctrl-C during physics keeps the design and what physics has said."""
+    """Return the exit status of the command. Ctrl-C keeps what the design has found and what physics has said."""
     from mocca_robot.cli import stages
     from mocca_robot.cli.verdict import conclude, introduce
 
@@ -34,9 +34,13 @@ def run(args: argparse.Namespace) -> int:
         console.warn(f"note: {note}")
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
-    result = stages.designed(config, contacts, console)
+    result = stages.designed(config, contacts, folder, console)
     files, problems = stages.written(result, config, folder, console)
+    if result.interrupted is not None:
+        return stages.interrupted(result, files, folder, console)
     outcome = stages.verified(folder, result, files, problems, console)
     outcome, interrupted = stages.simulated(outcome, questions, folder, console)
     outcome = stages.reported(outcome, config, folder, console)
+    if not interrupted:
+        stages.concluded(folder)
     return conclude(outcome, console, interrupted=interrupted)

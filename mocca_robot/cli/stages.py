@@ -5,8 +5,8 @@ Every verdict comes from the written files: what is judged is what a user holds 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,11 +23,15 @@ from mocca_robot.joints.joint import planar
 from mocca_robot.loads import state_cases
 from mocca_robot.mobility import mobility
 from mocca_robot.parts_graph import parts_graph
+from mocca_robot.report.summary import case_words
 from mocca_robot.verify import CaseVerdict, Verification, solve_case, verify
 
 if TYPE_CHECKING:
     from planners.designer import Designed
+    from planners.search import SearchState
     from sim.questions import Questions
+
+INTERRUPTED = 130
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,24 +66,87 @@ def read_contacts(assembly: Assembly, console: Console) -> ContactReport:
     return report
 
 
-def designed(config: Config, contacts: ContactReport, console: Console) -> Designed:
-    """Return the design run's outcome, with its two stages' wall times."""
+PROGRESS_FILE = "design-progress.json"
+"""Beside the results: where an interrupted design stood."""
+
+
+def designed(config: Config, contacts: ContactReport, folder: Path, console: Console) -> Designed:
+    """Return the design run's outcome, with its two stages' wall times.
+
+    Goes on where an earlier run of the same input into the same folder was interrupted. Where it stands is kept
+    in `PROGRESS_FILE` until `concluded`.
+    """
+    from planners.checkpoint import Checkpoint, design_identity, read_checkpoint
     from planners.designer import design
 
     insertion = dict(config.insertion) or None
-    with console.stage("design") as show:
-        result = design(
-            config.assembly,
-            config.joints,
-            insertion=insertion,
-            contacts=contacts,
-            progress=lambda what, worst: show(f"{what}, E/|w|² {worst:.1e}"),
-        )
+    path = folder / PROGRESS_FILE
+    identity = design_identity(config.assembly, config.joints, insertion)
+    earlier = read_checkpoint(path, identity)
+    if earlier.state is not None:
+        console.say(f"going on from {path}: {state_words(earlier.state)}")
+    elif earlier.why_not:
+        console.warn(f"note: {path} is not gone on from, {earlier.why_not}; the design starts anew.")
+    checkpoint = Checkpoint(path, identity)
+    try:
+        with console.stage("design") as show:
+            result = design(
+                config.assembly,
+                config.joints,
+                insertion=insertion,
+                contacts=contacts,
+                progress=lambda what, worst: show(f"{what}, E/|w|² {worst:.1e}"),
+                resume=earlier.state,
+                keep=checkpoint.keep,
+            )
+            if result.interrupted is not None:
+                checkpoint.save()
+    except KeyboardInterrupt:
+        checkpoint.save()
+        raise
     whole = console.seconds.pop("design")
     kinematic = float(result.design.seconds.get("kinematic", 0.0))
     console.seconds["kinematic design"] = kinematic
     console.seconds["realization"] = max(whole - kinematic, 0.0)
     return result
+
+
+def state_words(state: SearchState) -> str:
+    """Return where a search stood, in words."""
+    if state.stage == "finished":
+        return "its joints were found already"
+    if state.stage == "thinning":
+        return "joints that hold were found; making some of them planar again"
+    return f"attempt {state.attempt + 1}, step {1 if state.polishing is None else state.polishing.steps + 1}"
+
+
+def interrupted(result: Designed, files: Mapping[str, Path], folder: Path, console: Console) -> int:
+    """Return the exit status of a design that Ctrl-C cut short, after saying what is kept and how to go on."""
+    worst = max(result.design.load_cases, key=lambda c: c.infeasibility_after)
+    curved = sum(not j.is_planar for j in result.design.joints)
+    holds = "every load case holds, with more curved joints than may be needed"
+    short = f"E/|w|² is still {worst.infeasibility_after:.2g} ({case_words(worst.name)})"
+    console.say(f"Interrupted while trying {result.interrupted}: {holds if result.achieved else short}.")
+    console.say(f"{files['design']} holds the {curved} curved joints as far as they were found; nothing was verified.")
+    progress = folder / PROGRESS_FILE
+    kept = {**files, "progress": progress} if progress.exists() else dict(files)
+    if progress.exists():
+        console.say(f"{progress} keeps where the design stands: the same command goes on from there.")
+    console.say(console.times())
+    document = {
+        "interrupted": True,
+        "name": result.design.source.name,
+        "curved_joints": curved,
+        "achieved": result.achieved,
+        "cases": [asdict(case) for case in result.design.load_cases],
+        "files": {kind: str(path) for kind, path in kept.items()},
+    }
+    return console.finish(INTERRUPTED, document)
+
+
+def concluded(folder: Path) -> None:
+    """Forget where a design stood: it has been judged, and simulated if it was asked for."""
+    (folder / PROGRESS_FILE).unlink(missing_ok=True)
 
 
 def written(result: Designed, config: Config, folder: Path, console: Console) -> tuple[dict[str, Path], list[Finding]]:
