@@ -4,7 +4,9 @@
 #   make test    style, types and tests
 #   make browser  the viewer and the pages in headless Chromium
 #   make docs    the documentation site, in site/, from pages that are up to date
-#   make bench   all measurements, the long ones included
+#   make bench   all measurements, the long ones included; writes docs/benchmarks.md
+#   make bench-quick   three minutes of them, compared with the last time on this machine
+#   make compas  an environment with compas_cra, which make bench then compares with
 
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
@@ -13,7 +15,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 WORKERS ?= 2
-BENCHES ?= agreement contacts statics friction tilt_sweep baseline configs
+BENCHES ?= agreement contacts statics friction tilt_sweep baseline configs growth physics profile
+QUICK ?= configs contacts statics friction baseline growth
+COMPAS := .venv-compas
+ifneq ($(wildcard $(COMPAS)/bin/python),)
+export MOCCA_COMPAS_PYTHON ?= $(CURDIR)/$(COMPAS)/bin/python
+endif
 
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
@@ -69,11 +76,18 @@ docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 bench: setup
-	$(BIN)/python -m pytest -n $(WORKERS) -m "long and not browser"
-	@for name in $(BENCHES); do echo "== $$name"; $(BIN)/python -m benchmarks $$name || exit 1; done
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	$(BIN)/python -m pytest -n $(WORKERS) -m long
+	@for name in $(BENCHES); do echo "== $$name"; $(BIN)/python -m benchmarks $$name --keep || exit 1; done
+	$(BIN)/python -m benchmarks page
 
 bench-quick: setup
-	@for name in $(BENCHES); do echo "== $$name"; $(BIN)/python -m benchmarks $$name --quick || exit 1; done
+	@for name in $(QUICK); do echo "== $$name"; $(BIN)/python -m benchmarks $$name --quick --compare --keep || exit 1; done
+
+# compas_cra needs packages of its own versions, so it gets an environment of its own.
+compas:
+	@test -x $(COMPAS)/bin/python || $(PYTHON) -m venv $(COMPAS)
+	$(COMPAS)/bin/python -m pip install --quiet --disable-pip-version-check 'compas_cra>=0.8,<0.9' 'compas_assembly>=0.7,<0.8'
 
 clean:
 	rm -rf out build dist site .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import shapely
 
 from mocca_robot.assembly import Array, Assembly, Goal, Mesh, Polygon
 from mocca_robot.contacts import Contact, find_contacts, to_shapely
+from mocca_robot.executors import mapped
 from mocca_robot.joints.joint import Joint, contact_rays, planar
 from mocca_robot.loads import LoadCase, case_wrenches, load_cases, tilted_gravity
 from mocca_robot.parts_graph import PartMotion, part_motions
@@ -50,6 +53,29 @@ def solve_case(assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, 
     forces[there] = result.forces
     full = EquilibriumResult(result.status, result.infeasibility, forces, result.motions, result.kkt)
     return CaseVerdict(case, full, () if result.stands else moving_parts(assembly, result.motions))
+
+
+def solve_cases_on(
+    executor: Executor | None,
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    cases: Sequence[LoadCase],
+    friction: float = 0.0,
+) -> tuple[CaseVerdict, ...]:
+    """Return `solve_case` of every case, in order, each computed on `executor`; here when there is none."""
+    return tuple(mapped(executor, partial(solve_case, assembly, contacts, friction=friction), cases))
+
+
+def critical_tilts(
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    azimuths_rad: Sequence[float] | Array,
+    friction: float = 0.0,
+    executor: Executor | None = None,
+) -> tuple[float, ...]:
+    """Return `critical_tilt` towards every azimuth, in order, each computed on `executor`; here when there is none."""
+    one = partial(critical_tilt, assembly, contacts, friction=friction)
+    return tuple(mapped(executor, one, [float(a) for a in azimuths_rad]))
 
 
 def moving_parts(assembly: Assembly, motions: Array) -> tuple[str, ...]:
@@ -146,14 +172,15 @@ def verify(
     goals: Sequence[Goal] | None = None,
     friction: float = 0.0,
     directions: dict[str, Array] | None = None,
+    executor: Executor | None = None,
 ) -> Verification:
     """Return the verdicts on `assembly` from its geometry alone.
 
     `goals` default to the assembly's own; `directions` are insertion axes by part name, by default the axis of
-    each part's widest cone.
+    each part's widest cone. Load cases are solved on `executor`, or here.
     """
     contacts = find_contacts(assembly).contacts
-    cases = tuple(solve_case(assembly, contacts, case, friction) for case in load_cases(assembly, goals))
+    cases = solve_cases_on(executor, assembly, contacts, load_cases(assembly, goals), friction)
     return Verification(
         contacts, cases, insertion_verdicts(assembly, contacts, directions or {}), part_overlap(assembly)
     )
@@ -237,9 +264,11 @@ __all__ = [
     "PartMotion",
     "Verification",
     "critical_tilt",
+    "critical_tilts",
     "insertion_verdicts",
     "part_overlap",
     "solve_case",
+    "solve_cases_on",
     "sweep_blockers",
     "verify",
 ]

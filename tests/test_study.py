@@ -15,11 +15,14 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from mocca_robot.cli import main
 from mocca_robot.errors import EnvironmentNeeded, InputError
 from mocca_robot.executors import LocalProcesses, WorkerLost, completed, executor, mapped
+from mocca_robot.files.config import load
+from mocca_robot.verify import critical_tilt, critical_tilts, verify
 from sim.studies.point import Row
 from sim.studies.run import StudyResult, run_study
 from sim.studies.study import Study, read_study
@@ -260,3 +263,16 @@ def test_example_studies_can_be_read_and_their_first_point_computed(path: Path) 
     first = Study(study.name, study.base, {k: v[:1] for k, v in study.vary.items()}, study.fixed, "grid", study.stages)
     (row,) = run_study(first, Inline()).rows
     assert row is not None and row["status"] == "holds", row
+
+
+def test_load_cases_and_azimuths_are_the_same_on_an_executor() -> None:
+    assembly = load(ROOT / "configs" / "leaning_tower_support_free.yaml").assembly
+    with executor(2) as pool:
+        there = verify(assembly, executor=pool)
+        tilts = critical_tilts(assembly, there.contacts, (0.0, np.pi), 0.2, pool)
+    here = verify(assembly)
+    assert [c.case.name for c in there.cases] == [c.case.name for c in here.cases]
+    for mine, theirs in zip(here.cases, there.cases, strict=True):
+        assert theirs.result.infeasibility == mine.result.infeasibility
+        assert (theirs.result.forces == mine.result.forces).all() and theirs.moving == mine.moving
+    assert tilts == tuple(critical_tilt(assembly, here.contacts, a, 0.2) for a in (0.0, np.pi))

@@ -14,7 +14,7 @@ from mocca_robot.contacts import Contact, ContactReport
 from mocca_robot.files.config import Config
 from mocca_robot.loads import load_cases, state_cases, tilt_azimuths
 from mocca_robot.mobility import Mobility, mobility
-from mocca_robot.verify import CaseVerdict, Verification, critical_tilt, insertion_verdicts, part_overlap, solve_case
+from mocca_robot.verify import CaseVerdict, Verification, critical_tilts, insertion_verdicts, part_overlap, solve_case
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def checkup(config: Config, report: ContactReport, key: str | None, azimuths: in
     verification = Verification(contacts, cases, insertion_verdicts(assembly, contacts, ways), part_overlap(assembly))
     states = tuple(solve_case(assembly, contacts, case, friction) for case in state_cases(assembly))
     angles = tilt_azimuths(assembly.dimension, azimuths)
-    tilts = tuple(critical_tilt(assembly, contacts, float(a), friction) for a in angles)
+    tilts = critical_tilts(assembly, contacts, angles, friction)
     held = _held(assembly, contacts, key)
     anything = mobility(assembly, contacts)
     findings = evidence.statics_findings(assembly, verification)

@@ -158,12 +158,12 @@ def _weakest_tilt(assembly: Assembly, contacts: tuple[Contact, ...]) -> tuple[fl
     import numpy as np
 
     from mocca_robot.loads import tilt_azimuths
-    from mocca_robot.verify import critical_tilt
+    from mocca_robot.verify import critical_tilts
     from sim.contact_model import contact_model
     from sim.tilt import physical_tilt, tilt_scene
 
     azimuths = tilt_azimuths(assembly.dimension, 8)
-    tilts = [critical_tilt(assembly, contacts, float(a)) for a in azimuths]
+    tilts = critical_tilts(assembly, contacts, azimuths)
     weakest = int(np.argmin(tilts))
     scene = tilt_scene(assembly, contact_model(assembly, contacts))
     return tilts[weakest], physical_tilt(scene, contacts, float(azimuths[weakest])).critical_rad

@@ -19,7 +19,7 @@ from mocca_robot.files.design_json import read_design, write_design
 from mocca_robot.joints.joint import planar
 from mocca_robot.loads import tilt_azimuths
 from mocca_robot.parts_graph import parts_graph
-from mocca_robot.verify import Verification, critical_tilt, verify
+from mocca_robot.verify import Verification, critical_tilts, verify
 
 Row: TypeAlias = dict[str, Any]
 """Status, reason and figures of a point, by column."""
@@ -127,7 +127,7 @@ def _verdict(verification: Verification) -> Row:
 
 def _tilts(assembly: Assembly, contacts: Sequence[Contact], config: Config) -> Row:
     azimuths = tilt_azimuths(assembly.dimension, config.simulate.azimuths)
-    tilts = [critical_tilt(assembly, contacts, float(a), config.friction) for a in azimuths]
+    tilts = critical_tilts(assembly, contacts, azimuths, config.friction)
     least = int(np.argmin(tilts))
     return {
         "tilt_deg": float(np.rad2deg(tilts[least])),

@@ -1,0 +1,254 @@
+"""docs/benchmarks.md from the rows that were kept: tables, ratios and figures, with date, machine and versions."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from benchmarks.design_baseline import PAPER_MINUTES
+from benchmarks.measurement import Measurement
+from benchmarks.store import FOLDER, Run, path_of, read
+from mocca_robot.report.charts import Axis, Series, chart, fitted_exponent
+from mocca_robot.report.figures import stand_alone
+
+DOCS = Path(__file__).parents[1] / "docs"
+FIGURES = "figures/bench"
+INTRODUCTION = """<!-- Written by `python -m benchmarks page` from what `make bench` kept; edit benchmarks/page.py. -->
+# Benchmarks
+
+Every number here was measured by `make bench` on one machine, each chapter's tools side by side in one run. Yours will
+differ: run it to have this page for your computer. Seconds are the median of a process's CPU time unless a line says
+otherwise: that is disturbed less than the clock by what ran beside. `kkt` is the relative residual of the optimality
+conditions, computed in the same way for every solver. [Performance](performance.md) says how to run one of them.
+"""
+CONFIGS_TEXT = """The article's times are those of its Table 1 (Knitro, 64 cores, wall clock); ours are CPU seconds
+of all threads together, contacts included."""
+TOOLS_TEXT = """Milliseconds; in brackets the kkt residual where it is above 1e-8, or what went wrong. The last
+column is the fastest *other* tool with a residual up to 1e-6, over the best of ours."""
+BASELINE_TEXT = """Leaning walls without α, as in Fig. 17. *direct, differences* is direct search over all joint
+parameters with finite differences, as in the article; *direct search* has our gradient and our statics. ✗: the
+result does not hold, or the time limit came first."""
+CONTACTS_TEXT = """Walls of boxes in running bond, whose contacts can be counted by hand, and domes. Rows that end in
+*contacts* are detection alone; the others add the verdict under gravity with friction 0.6. COMPAS gets at most 10
+neighbours per block and tolerances of 1 cm: narrower ones make it find fewer."""
+PHYSICS_TEXT = """MuJoCo releases Python's lock, so threads scale as far as there are cores. Rates are by the
+clock."""
+GROWTH_TEXT = """*flat wall*: a leaning wall as high as wide, without α. *long wall*: solid bricks in five courses
+that lean by 10°, α 5°. *dome*: running bond, α 2°. *load cases*: a dome of 50 parts that has to stand tilted by 5°
+towards more and more sides. Each with the default reserve of 1°, contacts included; CPU seconds are of all threads
+together. Memory starts at about 100 MB for Python and its libraries, which flattens its exponent."""
+PROFILE_TEXT = """Own time of each room of the programme, time in libraries counted for the room that calls them:
+contacts, design and verification of three configurations on one thread, under a profiler (which slows small
+functions down)."""
+AGREEMENT_TEXT = """Random assemblies judged by statics and by MuJoCo just below and just above their critical tilt.
+*bounded*: with friction, MuJoCo falls earlier than statics allows; *near*: too close to tell. Of them all:"""
+
+
+def write_page(docs: Path = DOCS, folder: Path = FOLDER) -> Path:
+    """Return docs/benchmarks.md after writing it and its figures. Benchmarks that were not run are left out."""
+    chapters = []
+    for bench, (title, text) in CHAPTERS.items():
+        run = read(path_of(bench, False, folder))
+        if run is not None and run.rows:
+            chapters.append(f"## {title}\n\n{_about(run)}\n\n{text(run, docs)}")
+    page = INTRODUCTION + "\n" + "\n\n".join(chapters) + "\n"
+    path = docs / "benchmarks.md"
+    path.write_text(page, encoding="utf-8")
+    return path
+
+
+def _about(run: Run) -> str:
+    about = run.about
+    versions = ", ".join(f"{k} {v}" for k, v in about.items() if k not in ("date", "machine", "system", "load"))
+    return f"*{about['date']}; {about['machine']}; load at the end {about['load']}; {about['system']}; {versions}.*"
+
+
+def _configs(run: Run, docs: Path) -> str:
+    """The 14 configurations against the paper's table."""
+    ours = {r.case: r for r in run.rows if r.tool == "ours"}
+    rows = []
+    for case in PAPER_MINUTES:
+        row = ours.get(case)
+        if row is None:
+            continue
+        paper = 60.0 * PAPER_MINUTES[case]
+        rows.append(
+            (case, _seconds(paper), _seconds(row.seconds), f"{paper / row.seconds:.0f}×", row.verdict.split(";")[0])
+        )
+    total, published = sum(r.seconds for r in ours.values()), sum(60.0 * PAPER_MINUTES[c] for c in ours)
+    rows.append(("**together**", _seconds(published), _seconds(total), f"**{published / total:.0f}×**", ""))
+    head = ("configuration", "article, 64 cores", "ours", "ratio", "verdict")
+    return f"{CONFIGS_TEXT}\n\n{_table(head, rows)}"
+
+
+def _statics(run: Run, docs: Path) -> str:
+    """A table of tools over cases, and what the fastest other takes in multiples of ours."""
+    return _tools_table(run, lambda tool: tool.startswith("ours"))
+
+
+def _tools_table(run: Run, is_ours: Callable[[str], bool]) -> str:
+    tools = list(dict.fromkeys(r.tool for r in run.rows))
+    cases = list(dict.fromkeys(r.case for r in run.rows))
+    rows = []
+    for case in cases:
+        mine = {r.tool: r for r in run.rows if r.case == case}
+        cells = [_cell(mine.get(tool)) for tool in tools]
+        good = [r.seconds for t, r in mine.items() if not is_ours(t) and _usable(r)]
+        own = [r.seconds for t, r in mine.items() if is_ours(t) and _usable(r)]
+        ratio = f"{min(good) / min(own):.1f}×" if good and own else "–"
+        rows.append((case, *cells, ratio))
+    return f"{TOOLS_TEXT}\n\n{_table(('case', *tools, 'ratio'), rows)}"
+
+
+def _usable(row: Measurement) -> bool:
+    failed = row.verdict.startswith(("failed", "timeout"))
+    return math.isfinite(row.seconds) and not failed and not row.kkt > 1e-6
+
+
+def _cell(row: Measurement | None) -> str:
+    if row is None:
+        return "–"
+    if row.verdict.startswith(("failed", "timeout")):
+        return row.verdict.split(":")[0]
+    shown = f"{row.seconds * 1e3:.3g}"
+    return f"{shown} ({row.kkt:.0e})" if row.kkt > 1e-8 else shown
+
+
+def _baseline(run: Run, docs: Path) -> str:
+    rows = []
+    sizes = sorted({_size(r) for r in run.rows})
+    tools = list(dict.fromkeys(r.tool for r in run.rows))
+    for size in sizes:
+        mine = {r.tool: r for r in run.rows if _size(r) == size}
+        cells = [
+            f"{_limit(mine[t])}{'' if mine[t].verdict.startswith('holds') else ' ✗'}" if t in mine else "–"
+            for t in tools
+        ]
+        rows.append((f"{size:g}", *cells))
+    figure = _figure(run.rows, "baseline", "Design time over the number of parts", "parts", docs)
+    return f"{BASELINE_TEXT}\n\n{_table(('parts', *tools), rows)}\n\n{figure}"
+
+
+def _limit(row: Measurement) -> str:
+    return f"> {row.seconds:.0f} s" if row.verdict == "timeout" else _seconds(row.seconds)
+
+
+def _contacts(run: Run, docs: Path) -> str:
+    rows = [
+        (r.case, r.tool, "–" if not math.isfinite(r.seconds) else _limit(r), r.verdict, _memory(r)) for r in run.rows
+    ]
+    return f"{CONTACTS_TEXT}\n\n{_table(('case', 'tool', 'seconds', 'found', 'memory'), rows)}"
+
+
+def _physics(run: Run, docs: Path) -> str:
+    rows = [(r.case.rpartition("-")[0], r.case.rpartition("-")[2], r.verdict.split(",")[0]) for r in run.rows]
+    return f"{PHYSICS_TEXT}\n\n{_table(('what', 'threads', 'rate'), rows)}"
+
+
+def _growth(run: Run, docs: Path) -> str:
+    structures = [r for r in run.rows if not r.case.startswith("load cases")]
+    cases = [r for r in run.rows if r.case.startswith("load cases")]
+    fits = []
+    for name in dict.fromkeys(r.case.rpartition("-")[0] for r in run.rows):
+        mine = [r for r in run.rows if r.case.rpartition("-")[0] == name and r.verdict != "timeout"]
+        if len(mine) < 3:
+            continue
+        size = [_parts(r) for r in mine] if name != "load cases" else [_size(r) for r in mine]
+        row = [name, f"{min(size):.0f} – {max(size):.0f}"]
+        row.append(f"{fitted_exponent(size, [r.seconds for r in mine])[0]:.2f}")
+        row.append(f"{fitted_exponent(size, [r.memory_mb for r in mine])[0]:.2f}")
+        joints = [float(m[1]) if (m := re.search(r"(\d+) joints", r.verdict)) else math.nan for r in mine]
+        row.append(f"{fitted_exponent(joints, [r.seconds for r in mine])[0]:.2f}" if name != "load cases" else "–")
+        fits.append(row)
+    rows = [(r.case, _limit(r), _memory(r), r.verdict) for r in run.rows]
+    figures = [_figure(structures, "growth-time", "Design time over the number of parts", "parts", docs, parts=True)]
+    memory = "Peak memory over the number of parts"
+    figures.append(_figure(structures, "growth-memory", memory, "parts", docs, parts=True, memory=True))
+    if cases:
+        figures.append(_figure(cases, "growth-cases", "Design time over the number of tilts", "tilts asked for", docs))
+    head = ("structure", "sizes", "exponent of time", "of memory", "of time over joints")
+    shown = [_table(head, fits), *figures, _table(("case", "CPU", "memory", "what came out"), rows)]
+    return "\n\n".join([GROWTH_TEXT, *shown])
+
+
+def _profile(run: Run, docs: Path) -> str:
+    rows = [(r.case, r.tool, _seconds(r.seconds), r.verdict.split(" of ")[0]) for r in run.rows]
+    return f"{PROFILE_TEXT}\n\n{_table(('configuration', 'room', 'seconds', 'share'), rows)}"
+
+
+def _agreement(run: Run, docs: Path) -> str:
+    total = [r for r in run.rows if r.case == "all"]
+    words = "; ".join(r.verdict for r in total)
+    return f"{AGREEMENT_TEXT} {words}."
+
+
+CHAPTERS: dict[str, tuple[str, Callable[[Run, Path], str]]] = {
+    "configs": ("All configurations, beside the article's table", _configs),
+    "baseline": ("Other ways to design (Fig. 17)", _baseline),
+    "growth": ("Growth", _growth),
+    "statics": ("Statics: E of one load case", _statics),
+    "tilt_sweep": ("Statics: 31 tilts from 0° to 15°", _statics),
+    "friction": ("Statics with friction", _statics),
+    "contacts": ("Contacts", _contacts),
+    "physics": ("Physics", _physics),
+    "agreement": ("Statics against physics", _agreement),
+    "profile": ("Where the time goes", _profile),
+}
+
+
+def _figure(
+    rows: Sequence[Measurement],
+    name: str,
+    title: str,
+    across: str,
+    docs: Path,
+    *,
+    parts: bool = False,
+    memory: bool = False,
+) -> str:
+    """Return the markdown of a log-log figure after writing it; lines are tools, or structures with their exponent."""
+    groups: dict[str, list[Measurement]] = {}
+    for row in rows:
+        groups.setdefault(row.case.rpartition("-")[0] if parts else row.tool, []).append(row)
+    series = []
+    for label, mine in groups.items():
+        x = [_parts(r) if parts else _size(r) for r in mine]
+        y = [r.memory_mb if memory else r.seconds for r in mine]
+        hollow = tuple(not r.verdict.startswith("holds") for r in mine)
+        try:
+            shown = f"{label}: n^{fitted_exponent(x, y)[0]:.2f}" if parts else label
+        except ValueError:
+            shown = label
+        series.append(Series(shown, tuple(x), tuple(y), hollow))
+    up = Axis("MB" if memory else "CPU seconds", log=True)
+    path = docs / FIGURES / f"{name}.svg"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(stand_alone(chart(title, series, Axis(across, log=True), up)), encoding="utf-8")
+    return f"![{title}]({FIGURES}/{name}.svg)"
+
+
+def _size(row: Measurement) -> float:
+    return float(row.case.rpartition("-")[2])
+
+
+def _parts(row: Measurement) -> float:
+    found = re.search(r"(\d+) parts", row.verdict)
+    return float(found[1]) if found else _size(row)
+
+
+def _seconds(value: float) -> str:
+    if not math.isfinite(value):
+        return "–"
+    return f"{value * 1e3:.0f} ms" if value < 1 else f"{value:.1f} s" if value < 100 else f"{value:.0f} s"
+
+
+def _memory(row: Measurement) -> str:
+    return f"{row.memory_mb:.0f} MB" if math.isfinite(row.memory_mb) else "–"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    lines += ["| " + " | ".join(cell.replace("|", "·").replace("\n", " ") for cell in row) + " |" for row in rows]
+    return "\n".join(lines)
