@@ -49,12 +49,17 @@ def growth(quick: bool = False, only: str | None = None) -> Iterator[Measurement
     for size in QUICK_SIZES if quick else SIZES:
         for name, make in STRUCTURES.items():
             case = f"{name}-{size}"
-            if only is None or only in case:
+            if _wanted(case, only):
                 yield measure("growth", case, "ours", partial(_designed, make, size), limit_s=LIMIT_S, repeats=1)
     for count in QUICK_CASES if quick else CASES:
         case = f"load cases-{count}"
-        if only is None or only in case:
+        if _wanted(case, only):
             yield measure("growth", case, "ours", partial(_under_cases, count), limit_s=LIMIT_S, repeats=1)
+
+
+def _wanted(case: str, only: str | None) -> bool:
+    """Return whether `only` allows a case: its whole name, or a part without a number ('dome-200' is not 2000)."""
+    return only is None or only == case or (only in case and not only[-1].isdigit())
 
 
 def _designed(make: object, size: int) -> Outcome:

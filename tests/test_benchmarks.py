@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 import time
+import xml.etree.ElementTree as ET
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +15,11 @@ import pytest
 from benchmarks.__main__ import main
 from benchmarks.cases import KINDS, wall
 from benchmarks.contacts import box_wall
-from benchmarks.measurement import Outcome, measure
+from benchmarks.growth import STRUCTURES
+from benchmarks.measurement import Measurement, Outcome, measure
+from benchmarks.page import write_page
+from benchmarks.profile import profile
+from benchmarks.store import changes, keep, read
 from mocca_robot.contacts import find_contacts
 
 KEYS = {"bench", "case", "tool", "seconds", "repeats", "verdict", "kkt", "memory_mb"}
@@ -66,3 +74,57 @@ def test_walls_have_the_contacts_that_are_counted() -> None:
     assert expected == 411
     assert len(find_contacts(assembly).contacts) == 411
     assert len(wall(150).pairs) == 411 * 4
+
+
+def row(case: str, tool: str, seconds: float, verdict: str = "holds; 20 parts, 30 joints") -> Measurement:
+    return Measurement("growth", case, tool, seconds, 1, verdict, math.nan, 100.0 + seconds)
+
+
+def test_rows_are_kept_and_merged_by_case_and_tool(tmp_path: Path) -> None:
+    keep("growth", [row("dome-50", "ours", 1.0), row("dome-100", "ours", 2.0)], False, tmp_path)
+    path = keep("growth", [row("dome-100", "ours", 3.0)], False, tmp_path, merge=True)
+    run = read(path)
+    assert run is not None and {(r.case, r.seconds) for r in run.rows} == {("dome-50", 1.0), ("dome-100", 3.0)}
+    assert math.isnan(run.rows[0].kkt)  # null in the file
+    path.write_text("{", encoding="utf-8")
+    assert read(path) is None
+
+
+def test_only_what_is_slower_beyond_noise_or_answers_otherwise_is_reported(tmp_path: Path) -> None:
+    old = [row("a-1", "ours", 1.0), row("b-1", "ours", 0.001), row("c-1", "ours", 1.0), row("d-1", "piqp", 1.0)]
+    before = read(keep("growth", old, True, tmp_path))
+    new = [row("a-1", "ours", 1.4), row("b-1", "ours", 0.009), row("c-1", "ours", 1.0), row("d-1", "piqp", 9.0)]
+    assert changes(new, before) == []
+    slow = changes([row("a-1", "ours", 1.6), row("c-1", "ours", 0.5, "falls short; 20 parts")], before)
+    assert ["SLOWER 1.6×" in slow[0].words(), "falls short" in slow[1].words()] == [True, True]
+    assert changes(new, None) == []
+
+
+def test_the_page_has_a_chapter_per_benchmark_that_was_run(tmp_path: Path) -> None:
+    sizes = (50, 100, 200, 400)
+    rows = [row(f"dome-{n}", "ours", 1e-3 * n**1.5, f"holds; {n} parts, {2 * n} joints") for n in sizes]
+    keep("growth", rows, False, tmp_path)
+    keep(
+        "profile",
+        [Measurement("profile", "deer", "statics", 0.1, 1, "50% of 0.2 s", math.nan, math.nan)],
+        False,
+        tmp_path,
+    )
+    text = write_page(tmp_path, tmp_path).read_text(encoding="utf-8")
+    assert re.findall("^## (.*)$", text, re.MULTILINE) == ["Growth", "Where the time goes"]
+    assert "| dome | 50 – 400 | 1.50 |" in text
+    for figure in re.findall(r"\((figures/\S+\.svg)\)", text):
+        assert ET.parse(tmp_path / figure).getroot().tag.endswith("svg")
+
+
+def test_the_profile_shares_out_all_time() -> None:
+    rows = list(profile(quick=True))
+    assert sum(r.seconds for r in rows) > 0
+    assert {"statics", "joint geometry"} <= {r.tool for r in rows}
+    assert sum(float(r.verdict.partition("%")[0]) for r in rows) == pytest.approx(100.0, abs=len(rows))
+
+
+def test_structures_grow_as_asked() -> None:
+    for size in (50, 200):
+        for make in STRUCTURES.values():
+            assert len(make(size).parts) == pytest.approx(size, rel=0.12)
