@@ -61,6 +61,7 @@ def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement
     from benchmarks.growth import growth
     from benchmarks.physics import physics
     from benchmarks.profile import profile
+    from benchmarks.states import states
 
     return {
         "agreement": agreement,
@@ -73,6 +74,7 @@ def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement
         "growth": growth,
         "physics": physics,
         "profile": profile,
+        "states": states,
     }
 
 

@@ -26,7 +26,8 @@ KEYS = {"bench", "case", "tool", "seconds", "repeats", "verdict", "kkt", "memory
 
 
 @pytest.mark.parametrize(
-    ("bench", "case"), [("statics", "stack-10-planar"), ("friction", "arch"), ("contacts", "wall-20")]
+    ("bench", "case"),
+    [("statics", "stack-10-planar"), ("friction", "arch"), ("states", "ring03"), ("contacts", "wall-20")],
 )
 def test_every_line_is_a_row(bench: str, case: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([bench, "--case", case, "--json"]) == 0

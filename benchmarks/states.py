@@ -1,0 +1,60 @@
+"""Support-free verdicts: every state of a dome of 73 parts while it is built, with friction, contacts given."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.measurement import Measurement, Outcome, measure
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts import Contact, find_contacts
+from mocca_robot.generators import generate
+from mocca_robot.joints.joint import contact_rays
+from mocca_robot.loads import LoadCase, case_wrenches, state_cases
+from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium
+
+FRICTION = 0.55
+RINGS = (16, 15, 13, 11, 9, 8)
+"""Blocks per ring; with the cap they are 73 parts."""
+
+
+def states(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
+    """Yield rows for single states, some that stand and some that fall, and one for all states together."""
+    assembly = generate("dome", {"blocks": list(RINGS), "thickness": 0.15, "snap": 0.2}, Path())
+    contacts = find_contacts(assembly).contacts
+    cases = state_cases(assembly)
+    for number in range(len(cases) - 1, 0, -19 if quick else -7):
+        name = f"dome-{len(assembly.parts)}-{cases[number].name}"
+        if only is None or only in name:
+            for tool, solver in (("ours", "interior_point"), ("clarabel", "clarabel")):
+                yield measure("states", name, tool, partial(_judged, assembly, contacts, [cases[number]], solver))
+    name = f"dome-{len(assembly.parts)}-all"
+    if only is None or only in name:
+        yield measure("states", name, "ours", partial(_judged, assembly, contacts, cases, "interior_point"))
+
+
+def _judged(assembly: Assembly, contacts: Sequence[Contact], cases: Sequence[LoadCase], solver: str) -> Outcome:
+    """Return the verdict of the last state, or how many of several stand, and the largest residual."""
+    pairs, points, normals = contact_rays(contacts)
+    results = []
+    for case in cases:
+        there = case.present[pairs].all(axis=1)
+        result = equilibrium(
+            pairs[there],
+            points[there],
+            normals[there],
+            case_wrenches(case, assembly, contacts),
+            fixed=~case.free,
+            friction=FRICTION,
+            about=np.array([p.centroid for p in assembly.parts]),
+            length=assembly.size / 2,
+            solver=solver,
+        )
+        assert isinstance(result, EquilibriumResult)
+        results.append(result)
+    standing = sum(r.stands for r in results)
+    verdict = results[0].status.value if len(results) == 1 else f"{standing} of {len(results)} stand"
+    return Outcome(verdict, max(r.kkt for r in results))
