@@ -57,6 +57,7 @@ def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement
     """Return every benchmark by name."""
     from benchmarks import design_baseline, statics
     from benchmarks.agreement import agreement
+    from benchmarks.builds import builds
     from benchmarks.contacts import contacts
     from benchmarks.growth import growth
     from benchmarks.physics import physics
@@ -65,6 +66,7 @@ def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement
 
     return {
         "agreement": agreement,
+        "builds": builds,
         "statics": statics.statics,
         "tilt_sweep": statics.tilt_sweep,
         "friction": statics.friction,

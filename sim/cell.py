@@ -17,7 +17,7 @@ import numpy as np
 from mocca_robot.assembly import Array, BoolArray
 from mocca_robot.errors import InputError
 from mocca_robot.ur.gripper import Grip
-from mocca_robot.ur.guards import PushGuard, arrived, check_forces, check_path, check_start
+from mocca_robot.ur.guards import SEATING_PACE, PushGuard, arrived, check_forces, check_path, check_start
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.plan import MoveKind, Plan, Step, Waypoint
 from mocca_robot.ur.pose import Three, pose_of, six, transform
@@ -37,6 +37,8 @@ FRAME_S = 0.1
 """Between the frames of the film."""
 COMPLIANCE = 1.0
 """Share of the insertion speed with which the hand gives way sideways at a force as large as the push."""
+SENSOR_S = 0.01
+"""Time constant of the force sensor's filter: a shorter knock is felt as less."""
 NEWTON_PATIENCE = 5
 """Cycles in a row in which the solver may end with its last iteration before the run is not believed."""
 
@@ -77,6 +79,9 @@ class Track:
 class SimulatedCell:
     """A simulated arm in a simulated cell (see `interface.Arm`), from `__enter__` to `__exit__`.
 
+    Parts are let go gently: until the fingers are open, velocities are removed after every step, so that the forces
+    between parts build up as they would under a calm hand (see `sim.motion.run`). That holds up nothing that falls.
+
     Give `heed` to the executor as its listener: it says which part is next, and that moves the cell from one moment of
     the build to the next. `waiting` are the poses of parts in the tray; `speed` plays free motions that much faster.
     """
@@ -113,8 +118,10 @@ class SimulatedCell:
         self._grasp: tuple[Array, Array] | None = None
         self._payload: tuple[float, Three] = (plan.cell.tool_mass_kg, plan.cell.tool_cog_m)
         self._bias = np.zeros(6)
+        self._felt = np.zeros(6)
         self._struggling = 0
         self._refusal = ""
+        self._gently = False
 
     # Opening and closing
 
@@ -301,8 +308,14 @@ class SimulatedCell:
             lever = data.xmat[self._flange].reshape(3, 3) @ local + data.xpos[self._flange] - data.xipos[self._flange]
             up = -carried * self._model.opt.gravity
             data.xfrc_applied[self._flange] = np.concatenate([up, np.cross(lever, up)])
-        mujoco.mj_step(self._model, data, self._steps)
+        if self._gently:
+            for _ in range(self._steps):
+                mujoco.mj_step(self._model, data)
+                data.qvel[self._driven :] = 0.0
+        else:
+            mujoco.mj_step(self._model, data, self._steps)
         self.time_s += self._cycle_s
+        self._felt += (self._wrench() - self._felt) * (1.0 - np.exp(-self._cycle_s / SENSOR_S))
         failure = step_failure(self._model, data)
         self._struggling = self._struggling + 1 if failure is not None else 0
         if failure is not None and (self._struggling >= NEWTON_PATIENCE or not np.isfinite(data.qpos).all()):
@@ -311,21 +324,30 @@ class SimulatedCell:
             self._remember()
             self.frames.append(Frame(self.time_s, tuple(data.qpos[: self._driven].tolist()), tuple(self.poses.items())))
 
+    def _tcp(self) -> Array:
+        """Return the tool's pose (4, 4), base frame."""
+        flange = np.eye(4)
+        flange[:3, :3] = self.place.turn @ self._data.xmat[self._flange].reshape(3, 3)
+        flange[:3, 3] = self.place.turn @ self._data.xpos[self._flange] + self.place.shift
+        return np.asarray(flange @ self._tool)
+
+    def _wrench(self) -> Array:
+        """Return what acts on the hand now, (6,), base frame, about the tool's centre point."""
+        turn = self.place.turn
+        point = turn.T @ (self._tcp()[:3, 3] - self.place.shift)
+        wrench = hand_wrench(self._model, self._data, self._hand, point)
+        return np.concatenate([turn @ wrench[:3], turn @ wrench[3:]])
+
     def _state(self) -> ArmState:
         """Return the arm as its controller would report it."""
-        data, turn = self._data, self.place.turn
-        flange = np.eye(4)
-        flange[:3, :3] = turn @ data.xmat[self._flange].reshape(3, 3)
-        flange[:3, 3] = turn @ data.xpos[self._flange] + self.place.shift
-        tcp = flange @ self._tool
-        wrench = hand_wrench(self._model, data, self._hand, turn.T @ (tcp[:3, 3] - self.place.shift))
-        force = np.concatenate([turn @ wrench[:3], turn @ wrench[3:]])
+        data = self._data
+        tcp = self._tcp()
         return ArmState(
             time_s=self.time_s,
             q=six(data.qpos[:6]),
             qd=six(data.qvel[:6]),
             tcp=pose_of(tcp),
-            force=six(force),
+            force=six(self._felt),
             speed_scaling=1.0,
             robot_mode=7,
             safety_mode=1,
@@ -437,7 +459,8 @@ class SimulatedCell:
                 ahead = min(1.0, max(-1.0, (limits.push_force_n + along) / limits.push_force_n))
                 aside = COMPLIANCE * sideways / limits.push_force_n
                 aside /= max(1.0, float(np.linalg.norm(aside)))
-                velocity = limits.insert_speed_m_s * (ahead * axis + aside)
+                pace = SEATING_PACE if guard.seating else 1.0
+                velocity = pace * limits.insert_speed_m_s * (ahead * axis + aside)
                 before, goal = goal, self._moved(goal, velocity * self._cycle_s, start)
                 self._advance(goal, (goal - before) / self._cycle_s)
                 state = self._watch()
@@ -482,6 +505,7 @@ class SimulatedCell:
             target, end, still = opening, self.time_s + GRIP_TIMEOUT_S, 0
             if not closing:
                 self._let_go()
+                self._gently = self._moment is not None and self._moment.phase == "rest"
             while still < 10:
                 gap = width_m - target
                 target += float(np.clip(gap, -FINGER_SPEED_M_S * self._cycle_s, FINGER_SPEED_M_S * self._cycle_s))
@@ -492,12 +516,14 @@ class SimulatedCell:
                 still = still + 1 if quiet else 0
                 if self.time_s > end:
                     break
+            self._gently = False
             reached = float(self._data.qpos[6:8].sum())
             blocked = abs(reached - width_m) > 2e-4
             if closing and blocked:
                 self._take(reached)
             return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), Grip(reached, blocked)
         except Stopped as stop:
+            self._gently = False
             return self._end(stop), Grip(None, None)
 
     def _suction(self, width_m: float) -> tuple[Outcome, Grip]:
@@ -510,7 +536,9 @@ class SimulatedCell:
                 if self._cup is not None:
                     self._data.eq_active[self._cup] = 0
                 self._let_go()
+                self._gently = self._moment is not None and self._moment.phase == "rest"
                 self._hold(0.3)
+                self._gently = False
                 return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), Grip(gripper.RELEASED_M, False)
             self._hold(0.3)
             sealed = self._cup is not None and self._lip_gap() <= gripper.bellows_m

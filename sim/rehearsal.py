@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import mujoco
 import numpy as np
@@ -41,6 +41,7 @@ class Options:
         noise_m, noise_rad: standard deviation of where parts wait in the tray, per horizontal axis and about z.
         seed: of that noise.
         speed: free motions are played this much faster than planned; pushes and grips are not.
+        parts: only so many of the plan's first parts; None for all.
     """
 
     friction: float = 0.0
@@ -49,6 +50,7 @@ class Options:
     noise_rad: float = 0.0
     seed: int = 0
     speed: float = 1.0
+    parts: int | None = None
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -129,7 +131,7 @@ class Rehearsal:
     Attributes:
         parts: one per step that was begun.
         whole: the finished structure without its supports; None when it was not reached.
-        planned: number of steps of the plan.
+        planned: number of parts that were to be placed.
         interrupted: Ctrl-C came before the end.
         simulated_s, seconds: simulated time, and wall time.
         frames, chapters, place: what happened, for the player and the film.
@@ -296,6 +298,9 @@ def rehearse(
     """
     options = options or Options()
     require_sound(plan)
+    if options.parts is not None and not 1 <= options.parts <= len(plan.steps):
+        raise InputError(f"{options.parts} parts cannot be rehearsed; the plan has {len(plan.steps)}.")
+    whole_plan, plan = plan, replace(plan, steps=plan.steps[: options.parts])
     started = time.perf_counter()
     cell = cell_of(plan)
     where = site(design.assembly, cell)
@@ -315,7 +320,7 @@ def rehearse(
             detail = f"no verdict: {broken}"
             log.parts.append(PartRehearsal(step.part, ExecutionStatus.REFUSED, detail))
         return Rehearsal(
-            plan,
+            whole_plan,
             design.assembly.name,
             options,
             f"mujoco {mujoco.__version__}",

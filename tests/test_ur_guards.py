@@ -41,8 +41,8 @@ def guard(wanted: float = 0.02) -> PushGuard:
     return PushGuard(REST, DOWN, wanted, ZERO, LIMITS)
 
 
-@pytest.mark.parametrize(("force", "depth"), [(2.0, 0.021), (7.9, 0.021), (8.1, 0.019)])
-def test_a_push_ends_where_the_part_resists_within_the_tolerance_of_its_depth_or_behind_it(
+@pytest.mark.parametrize(("force", "depth"), [(0.0, 0.020), (2.4, 0.020), (2.6, 0.019)])
+def test_a_push_ends_at_its_depth_or_where_the_part_resists_within_the_tolerance_of_it(
     force: float, depth: float
 ) -> None:
     states = [pushed(0.02 * k, 0.01 * 0.02 * k, force) for k in range(1, 120)]

@@ -62,7 +62,6 @@ def run(args: argparse.Namespace) -> int:
         source = args.design or (args.plan.parent / plan.design if plan.design else None)
         if source is None or not Path(source).is_file():
             raise InputError(f"The design of {args.plan} is not where the plan says. Give it with --design.")
-        plan = _shortened(plan, args.parts)
         design = read_design(source)
     folder = args.output or args.plan.parent
     with console.stage("rehearse") as update, _Interruptible() as cancelled:
@@ -98,17 +97,7 @@ def _options(args: argparse.Namespace) -> Any:
         noise = float(shift) / 1e3, math.radians(float(turn or 0.0))
     except ValueError:
         raise InputError(f"--pose-noise is '{args.pose_noise}'; write millimetres, or millimetres,degrees.") from None
-    return Options(args.friction, args.pad_friction, *noise, args.seed, args.speed)
-
-
-def _shortened(plan: Any, parts: int | None) -> Any:
-    from dataclasses import replace
-
-    if parts is None:
-        return plan
-    if not 1 <= parts <= len(plan.steps):
-        raise InputError(f"--parts is {parts}; the plan has {len(plan.steps)} parts.")
-    return replace(plan, steps=plan.steps[:parts])
+    return Options(args.friction, args.pad_friction, *noise, args.seed, args.speed, args.parts)
 
 
 class _Interruptible:

@@ -19,7 +19,7 @@ from mocca_robot.ur import dashboard
 from mocca_robot.ur.checks import require_sound
 from mocca_robot.ur.frames import frame_along
 from mocca_robot.ur.gripper import Grip, Gripper, GripperLost, connect, require_drivable
-from mocca_robot.ur.guards import PushGuard, arrived, check_forces, check_path, check_start
+from mocca_robot.ur.guards import SEATING_PACE, PushGuard, arrived, check_forces, check_path, check_start
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.link import Link, LinkLost
 from mocca_robot.ur.models import robot_model
@@ -246,10 +246,16 @@ class UrArm:
             wrench = [0.0, 0.0, limits.push_force_n, 0.0, 0.0, 0.0]
             self._forcing = self._moving = True
             self._fed_at, self._unfed_s = time.monotonic(), 0.0
-            self._hands_call("forceMode", list(frame_along(axis, start.tcp)), [1, 1, 1, 0, 0, 0], wrench, 2, speeds)
+            frame, seating = list(frame_along(axis, start.tcp)), False
+            self._hands_call("forceMode", frame, [1, 1, 1, 0, 0, 0], wrench, 2, speeds)
             while True:
                 time.sleep(CYCLE_S)
-                self._hands_call("kickWatchdog")
+                if guard.seating and not seating:
+                    seating = True
+                    slow = [SEATING_PACE * v for v in speeds[:3]] + speeds[3:]
+                    self._hands_call("forceMode", frame, [1, 1, 1, 0, 0, 0], wrench, 2, slow)
+                else:
+                    self._hands_call("kickWatchdog")
                 state = self._watch()
                 if guard.check(state, force_limit_n):
                     break

@@ -23,8 +23,11 @@ BEYOND_M = 0.003
 """Pushed farther than planned by this, or back by it, the part is not where it was thought to be."""
 PUSH_GRACE_S = 0.3
 """Force mode needs a moment to get going; standing still before that is no jam."""
-PRESSED_SHARE = 0.8
-"""Of the push force: a part that resists this much within the tolerance of its depth has been pressed home."""
+SEATED_SHARE = 0.25
+"""Of the push force: a part that resists this much within the tolerance of its depth has met its seat. To press on with
+all of it would push a light structure apart that stands by its shape alone."""
+SEATING_M, SEATING_PACE = 0.002, 0.3
+"""Over the last 2 mm a part is pushed at this share of the speed: the arm's momentum is what hits the structure."""
 STALL_S = 1.0
 STILL_RAD_S = 0.01
 
@@ -90,11 +93,15 @@ class PushGuard:
         self.depth_m = float(np.subtract(state.tcp[:3], self.start.tcp[:3]) @ self.axis)
         return self.depth_m
 
+    @property
+    def seating(self) -> bool:
+        """Return whether the part is on the last stretch of its way."""
+        return self.depth_m >= self.wanted_m - SEATING_M
+
     def check(self, state: ArmState, force_limit_n: float) -> bool:
         """Return whether the part is in its seat; Stopped for forces, tilt, travel off the line, or a jam.
 
-        It is there once it resists the push within the tolerance of its depth: a part that is let go before it touches
-        its seat falls the rest of the way. One that meets nothing counts as there at the far end of the tolerance.
+        It is there at its full depth, or within the tolerance of it as soon as it resists.
         """
         check_forces(state, self._bias, self.limits, force_limit_n, None)
         tilt = angle_rad(state.tcp, self.start.tcp)
@@ -112,9 +119,8 @@ class PushGuard:
             detail = f"{1e3 * depth:.1f} mm along the axis, allowed {low:g} to {high:.1f} mm"
             raise Stopped(ExecutionStatus.TRAVEL_LIMIT, detail, state)
         felt = abs(float(np.subtract(state.force, self._bias)[:3] @ self.axis))
-        beyond = depth - self.wanted_m
-        pressed = felt >= PRESSED_SHARE * self.limits.push_force_n
-        if (abs(beyond) <= self.limits.depth_tolerance_m and pressed) or beyond >= self.limits.depth_tolerance_m:
+        near = depth >= self.wanted_m - self.limits.depth_tolerance_m
+        if depth >= self.wanted_m or (near and felt >= SEATED_SHARE * self.limits.push_force_n):
             return True
         self._history.append((state.time_s, depth, felt))
         self._check_jam(state)

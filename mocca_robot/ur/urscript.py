@@ -17,7 +17,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.ur.checks import require_sound
 from mocca_robot.ur.frames import frame_along
 from mocca_robot.ur.gripper import RobotiqSocket, require_drivable
-from mocca_robot.ur.guards import PRESSED_SHARE
+from mocca_robot.ur.guards import SEATED_SHARE, SEATING_M, SEATING_PACE
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.plan import Move, MoveKind, Plan, Step, Waypoint, insertion_axis
 from mocca_robot.ur.pose import distance_m
@@ -67,12 +67,19 @@ _HELPERS = """\
     mark_depth = 0.0
     done = False
     jammed = False
+    slowed = False
     while t < seconds and not done and not jammed:
       sync()
       t = t + get_steptime()
-      if along(start, axis) >= depth + tolerance:
+      if not slowed and along(start, axis) >= depth - @SEATING@:
+        slowed = True
+        slow = @PACE@ * speed
+        caps = [slow, slow, slow, @TILT@, @TILT@, @TILT@]
+        force_mode(frame, [1, 1, 1, 0, 0, 0], [0.0, 0.0, push, 0.0, 0.0, 0.0], 2, caps)
+      end
+      if along(start, axis) >= depth:
         done = True
-      elif along(start, axis) >= depth - tolerance and force() >= @PRESSED@ * push:
+      elif along(start, axis) >= depth - tolerance and force() >= @SEATED@ * push:
         done = True
       elif t - mark_t >= jam_s:
         moved = along(start, axis) - mark_depth
@@ -134,7 +141,15 @@ def urscript(plan: Plan) -> str:
 
 
 def _helpers(limits: Limits) -> str:
-    return _HELPERS.replace("@TILT@", _number(limits.abort_tilt_rad)).replace("@PRESSED@", _number(PRESSED_SHARE))
+    out = _HELPERS
+    for name, value in (
+        ("TILT", limits.abort_tilt_rad),
+        ("SEATED", SEATED_SHARE),
+        ("SEATING", SEATING_M),
+        ("PACE", SEATING_PACE),
+    ):
+        out = out.replace(f"@{name}@", _number(value))
+    return out
 
 
 def _move(plan: Plan, step: Step, move: Move) -> list[str]:

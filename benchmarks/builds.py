@@ -1,0 +1,116 @@
+"""Whole builds: designed, planned, rehearsed in MuJoCo, and executed by the real client on a fake controller.
+
+Seconds are wall time of one run. A fake controller runs four times as fast as a robot would.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from benchmarks.measurement import Measurement
+
+if TYPE_CHECKING:
+    from mocca_robot.ur.plan import Plan
+
+ROOT = Path(__file__).resolve().parents[1]
+FLAT = (
+    *("scarecrow", "stack", "tree", "m", "leaning_tower_10", "leaning_tower_20", "leaning_tower_30"),
+    *("leaning_tower_support_free", "deer"),
+)
+SOLID = ("sphere", "horse", "pavilion")
+SPEEDUP = 4.0
+HOST = "127.77.0.1"
+
+
+def builds(quick: bool, only: str | None) -> Iterator[Measurement]:
+    """Yield three rows per configuration: plan, rehearse, execute. The quick subset is the scarecrow, not executed."""
+    for name in FLAT[:1] if quick else (*FLAT, *SOLID):
+        if only is None or only in name:
+            with tempfile.TemporaryDirectory() as folder:
+                yield from _build(name, Path(folder), execute=not quick)
+
+
+def _build(name: str, folder: Path, *, execute: bool) -> Iterator[Measurement]:
+    from mocca_robot.files.config import load
+    from mocca_robot.files.design_json import read_design, write_design
+    from mocca_robot.ur.plan import write_plan
+    from mocca_robot.ur.plan_reader import file_sha256, read_plan
+    from planners.build_plan import build_plan
+    from planners.cell import read_cell
+    from planners.designer import design
+    from sim.rehearsal import rehearse
+
+    config = load(ROOT / "configs" / f"{name}.yaml")
+    file = write_design(design(config.assembly, config.options), folder)
+    stored, cell = read_design(file), read_cell(ROOT / "configs" / "cells" / "ur5e_2f85.yaml")
+    started = time.perf_counter()
+    sha = file_sha256(file)
+    built = build_plan(stored, cell, sha)
+    held = tuple(dict.fromkeys(m for f in built.falls for m in f.moving))
+    if held:
+        built = build_plan(stored, cell, sha, supports=held)
+    seconds = time.perf_counter() - started
+    if built.plan is None:
+        last = built.reports[-1] if built.reports else None
+        reason = f"{last.part}: {last.reasons}" if last else f"out of reach: {', '.join(built.out_of_reach)}"
+        yield _row(name, "plan", seconds, f"no plan: {reason[:80]}")
+        return
+    yield _row(name, "plan", seconds, f"{len(built.plan.steps)} parts, {len(held)} supported")
+    write_plan(built.plan, folder / "plan.json")
+    plan = read_plan(folder / "plan.json")
+    result = rehearse(plan, stored)
+    placed = sum(p.succeeded for p in result.parts)
+    whole = "not reached" if result.whole is None else result.whole.reason
+    word = "built" if result.succeeded else f"{placed} placed"
+    yield _row(name, "rehearse", result.seconds, f"{word}, {result.simulated_s:.0f} s; {whole}")
+    if execute:
+        yield _execution(name, plan, folder)
+
+
+def _execution(name: str, plan: Plan, folder: Path) -> Measurement:
+    from mocca_robot.ur.driver import UrArm
+    from mocca_robot.ur.executor import execute
+    from mocca_robot.ur.journal import Journal
+
+    started = time.perf_counter()
+    with (
+        _fake(folder / "plan.json", plan),
+        UrArm(HOST, plan, plan.cell.serial or SERIAL) as arm,
+        Journal.create(folder / "journal", plan, arm.name) as journal,
+    ):
+        result = execute(plan, arm, journal)
+    where = "" if result.status == "succeeded" else f" at {result.last.part} ({result.last.kind}): {result.detail}"
+    verdict = f"{result.status}, {result.steps_finished} of {len(plan.steps)} parts{where}"
+    return _row(name, "execute (fake)", time.perf_counter() - started, verdict)
+
+
+SERIAL = "20265500001"
+
+
+@contextlib.contextmanager
+def _fake(plan_file: Path, plan: Plan) -> Iterator[None]:
+    command = [sys.executable, "-m", "mocca_robot.ur.fake", "--host", HOST, "--plan", str(plan_file)]
+    command += ["--speedup", str(SPEEDUP), "--serial", plan.cell.serial or SERIAL]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT)
+    try:
+        assert process.stdout is not None
+        first = process.stdout.readline()
+        if "serving" not in first:
+            raise RuntimeError(f"the fake controller does not serve: {first}")
+        yield
+    finally:
+        process.terminate()
+        process.wait(10)
+
+
+def _row(case: str, tool: str, seconds: float, verdict: str) -> Measurement:
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    return Measurement("builds", case, tool, seconds, 1, verdict, float("nan"), memory)
