@@ -16,6 +16,12 @@ def add(commands: Any) -> None:
     arguments.add_input(parser)
     arguments.add_output(parser)
     arguments.add_json(parser)
+    parser.add_argument(
+        "--largest-angle",
+        action="store_true",
+        help="with a lateral goal: climb from its angle to the largest one for which a design is found, and say what "
+        "is known beyond it",
+    )
     parser.set_defaults(run=run)
 
 
@@ -32,11 +38,17 @@ def run(args: argparse.Namespace) -> int:
         console.warn(f"note: {note}")
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
-    result = stages.designed(config, contacts, folder, console)
+    if args.largest_angle:
+        climb = stages.climbed(config, contacts, console)
+        result, further = climb.designed, stages.climb_data(climb)
+    else:
+        result, further = stages.designed(config, contacts, folder, console), {}
     files, problems = stages.written(result, config, folder, console)
     if result.interrupted is not None:
         return stages.interrupted(result, files, folder, console)
     outcome = stages.verified(folder, result, files, problems, console)
     outcome = stages.reported(outcome, config, folder, console)
     stages.concluded(folder)
-    return conclude(outcome, console)
+    if args.largest_angle:
+        console.say(stages.climb_words(climb))
+    return conclude(outcome, console, further=further)

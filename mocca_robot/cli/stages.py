@@ -10,6 +10,8 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mocca_robot.assembly import Assembly
 from mocca_robot.cli import evidence, physics_evidence
 from mocca_robot.cli.console import Console
@@ -28,6 +30,7 @@ from mocca_robot.verify import CaseVerdict, Verification, solve_case, verify
 
 if TYPE_CHECKING:
     from planners.designer import Designed
+    from planners.largest_tilt import LargestTilt
     from planners.search import SearchState
     from sim.questions import Questions
 
@@ -99,16 +102,69 @@ def designed(config: Config, contacts: ContactReport, folder: Path, console: Con
                 resume=earlier.state,
                 keep=checkpoint.keep,
             )
-            if result.interrupted is not None:
-                checkpoint.save()
+        if result.interrupted is not None:
+            _say_kept(checkpoint.save(), console)
     except KeyboardInterrupt:
-        checkpoint.save()
+        _say_kept(checkpoint.save(), console)
         raise
     whole = console.seconds.pop("design")
     kinematic = float(result.design.seconds.get("kinematic", 0.0))
     console.seconds["kinematic design"] = kinematic
     console.seconds["realization"] = max(whole - kinematic, 0.0)
     return result
+
+
+def climbed(config: Config, contacts: ContactReport, console: Console) -> LargestTilt:
+    """Return the design at the largest tilt that is found, and what is known beyond it."""
+    from planners.largest_tilt import largest_tilt
+
+    with console.stage("climb") as show:
+        return largest_tilt(
+            config.assembly,
+            config.joints,
+            insertion=dict(config.insertion) or None,
+            contacts=contacts,
+            progress=lambda what, worst: show(f"{what}, E/|w|² {worst:.1e}"),
+        )
+
+
+def climb_words(climb: LargestTilt) -> str:
+    """Return the largest angle, and what stands beyond it: a proof, or only the end of a search."""
+    degrees = evidence.degrees
+    if climb.angle_rad is None:
+        found = f"largest tilt: no design was found, not even at {degrees(climb.rungs[0].angle_rad)}"
+    else:
+        found = f"largest tilt: a design was found up to {degrees(climb.angle_rad)}"
+    if climb.failed_rad is not None:
+        rung = min((r for r in climb.rungs if not r.achieved), key=lambda r: r.angle_rad)
+        found += f"; at {degrees(rung.angle_rad)} the search ended with E/|w|² = {rung.infeasibility:.1g}"
+    if climb.impossible_rad is not None:
+        return f"{found}; from {degrees(climb.impossible_rad)} on no joints within the bounds can hold it (proven)"
+    return f"{found}; what lies beyond is open, nothing proves it impossible"
+
+
+def climb_data(climb: LargestTilt) -> dict[str, Any]:
+    """Return the climb for JSON, in degrees."""
+
+    def degrees(angle_rad: float | None) -> float | None:
+        return None if angle_rad is None else float(np.rad2deg(angle_rad))
+
+    return {
+        "largest_angle": {
+            "angle_deg": degrees(climb.angle_rad),
+            "failed_deg": degrees(climb.failed_rad),
+            "impossible_deg": degrees(climb.impossible_rad),
+            "tried": [
+                {"angle_deg": degrees(r.angle_rad), "achieved": r.achieved, "infeasibility": r.infeasibility}
+                for r in climb.rungs
+            ],
+        }
+    }
+
+
+def _say_kept(path: Path | None, console: Console) -> None:
+    if path is not None:
+        console.warn(f"Interrupted; {path} keeps where the design stands: the same command goes on from there.")
 
 
 def state_words(state: SearchState) -> str:
@@ -126,12 +182,10 @@ def interrupted(result: Designed, files: Mapping[str, Path], folder: Path, conso
     curved = sum(not j.is_planar for j in result.design.joints)
     holds = "every load case holds, with more curved joints than may be needed"
     short = f"E/|w|² is still {worst.infeasibility_after:.2g} ({case_words(worst.name)})"
-    console.say(f"Interrupted while trying {result.interrupted}: {holds if result.achieved else short}.")
+    console.say(f"Interrupted during '{result.interrupted}': {holds if result.achieved else short}.")
     console.say(f"{files['design']} holds the {curved} curved joints as far as they were found; nothing was verified.")
     progress = folder / PROGRESS_FILE
     kept = {**files, "progress": progress} if progress.exists() else dict(files)
-    if progress.exists():
-        console.say(f"{progress} keeps where the design stands: the same command goes on from there.")
     console.say(console.times())
     document = {
         "interrupted": True,
