@@ -21,7 +21,7 @@ SIZES = (50, 100, 200, 400, 800, 2000)
 QUICK_SIZES = (50, 100)
 CASES = (1, 2, 4, 8, 16, 32)
 QUICK_CASES = (1, 4, 16)
-LIMIT_S = 1200.0
+LIMIT_S = 3000.0
 
 
 def long_wall(parts: int) -> Assembly:

@@ -37,6 +37,10 @@ UNEVEN = 0.3
 """Spread of the first prices (standard deviation of their logarithm)."""
 FIRST_GROUPS = 8
 TRIALS = 120
+FULL_EFFORT = 400
+"""Joints up to which all passes and trials are made. Beyond, as many fewer as there are more joints: each one costs
+more, and thinning must not take longer than finding a design that holds."""
+FEWEST_PASSES = 2
 
 
 def thin(problem: Problem, found: Polished, watch: Callable[[Polished], None] | None = None) -> Polished:
@@ -65,7 +69,7 @@ def thin(problem: Problem, found: Polished, watch: Callable[[Polished], None] | 
     order = np.flatnonzero(best.parameters.curved)
     order = order[np.argsort(through[order], kind="stable")]
     place, size, trials = 0, max(1, len(order) // FIRST_GROUPS), 0
-    while place < len(order) and trials < TRIALS:
+    while place < len(order) and trials < round(TRIALS * _effort(problem)):
         trials += 1
         curved = best.parameters.curved.copy()
         curved[order[place : place + size]] = False
@@ -78,6 +82,10 @@ def thin(problem: Problem, found: Polished, watch: Callable[[Polished], None] | 
         else:
             place += 1
     return best
+
+
+def _effort(problem: Problem) -> float:
+    return min(1.0, FULL_EFFORT / len(problem.pairs))
 
 
 def _concentrated(problem: Problem, parameters: Parameters) -> tuple[Parameters, Array]:
@@ -100,7 +108,7 @@ def _concentrated(problem: Problem, parameters: Parameters) -> tuple[Parameters,
     weight: Array = np.exp(UNEVEN * np.random.default_rng(0).standard_normal(len(pairs)))
     used: BoolArray = parameters.curved
     through: Array = np.zeros(len(pairs))
-    for _ in range(PASSES):
+    for _ in range(max(FEWEST_PASSES, round(PASSES * _effort(problem)))):
         forces = each_case(system, wrenches, loads.active[:, owner], loads.free, PRICE * sloped * weight[owner])[1]
         through = np.asarray(np.bincount(owner, forces.max(axis=0) * sloped, len(pairs)), dtype=np.float64)
         most = float(through.max(initial=0.0))

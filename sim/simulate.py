@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, replace
 from functools import partial
 from typing import Any, TypeVar
@@ -22,6 +23,7 @@ from sim.hand import PlacingError
 from sim.insertion import InsertionTrial, insert, insertion_scene
 from sim.questions import Questions
 from sim.robust import robust_report, robust_trials
+from sim.scene import Compiled
 from sim.simulation import ConeSummary, Simulation
 from sim.states import StateResult, state_result
 from sim.tilt import TiltReport, azimuths, physical_tilt, tilt_scene
@@ -38,6 +40,7 @@ def simulate(
     questions: Questions | None = None,
     progress: Callable[[str, int, int], None] | None = None,
     store: TrialStore | None = None,
+    executor: Executor | None = None,
 ) -> Simulation:
     """Return physics' verdicts on an assembly's geometry.
 
@@ -47,6 +50,7 @@ def simulate(
         questions: what to find out; default `Questions()`.
         progress: called with (what was done, trials done, trials in all of this stage).
         store: keeps finished trials, so that an interrupted simulation resumes; default: in memory.
+        executor: runs the trials; default: `questions.threads` threads.
 
     Ctrl-C ends it early with `interrupted` set and everything that was finished. Raises InputError for parts that
     overlap, float free or have no mass, and for models that would not fit into memory.
@@ -57,7 +61,7 @@ def simulate(
     store = TrialStore() if store is None else store
     report = find_contacts(assembly)
     require_sound(assembly, report)
-    work = _Work(assembly, report.contacts, insertion or {}, questions, progress, store)
+    work = _Work(assembly, report.contacts, insertion or {}, questions, progress, store, executor)
     result = Simulation(assembly.name, f"mujoco {mujoco.__version__}", assembly.dimension, notes=_near_misses(report))
     stages: tuple[tuple[str, Callable[[Simulation], Simulation]], ...] = (
         ("states", work.states),
@@ -85,24 +89,22 @@ class _Work:
         questions: Questions,
         progress: Callable[[str, int, int], None] | None,
         store: TrialStore,
+        executor: Executor | None,
     ) -> None:
         for name in insertion:
             assembly.index(name)
         self.assembly, self.contacts, self.ways, self.ask = assembly, contacts, insertion, questions
-        self.progress, self.store = progress, store
+        self.progress, self.store, self.executor = progress, store, executor
         self.identity = (assembly_hash(assembly), _engine())
 
     def states(self, so_far: Simulation) -> Simulation:
         model = contact_model(self.assembly, self.contacts, self.ask.friction)
 
-        def judge(case: LoadCase) -> Row:
-            return asdict(state_result(self.assembly, model, self.contacts, case, self.ask.friction))
-
         trials = [
             Trial(
                 f"state {case.name.removeprefix('state_')}",
                 ("state", *self.identity, case.name, self.ask.friction),
-                partial(judge, case),
+                partial(_state, self.assembly, model, self.contacts, case, self.ask.friction),
             )
             for case in state_cases(self.assembly)
         ]
@@ -115,14 +117,11 @@ class _Work:
             mu: tilt_scene(self.assembly, contact_model(self.assembly, self.contacts, mu), mu) for mu in frictions
         }
 
-        def judge(azimuth: float, mu: float) -> Row:
-            return asdict(physical_tilt(compiled[mu], self.contacts, azimuth))
-
         trials = [
             Trial(
                 f"tilt {np.rad2deg(a):.0f}°, friction {mu:g}",
                 ("tilt", *self.identity, float(a), mu),
-                partial(judge, float(a), mu),
+                partial(_tilt, compiled[mu], self.contacts, float(a)),
             )
             for mu in frictions
             for a in azimuths(self.assembly, self.ask.azimuths)
@@ -178,34 +177,11 @@ class _Work:
             runs.append((0.0, "free", telling, ()))
         for clearance, below, tried, errors in runs:
             content = (cone.part, [w.vector for w in tried], clearance, below, errors, self.ask.hand, self.ask.friction)
-            find_out = partial(self._inserted, flat, cone, clearance, below, tried, errors)
+            find_out = partial(
+                _inserted, self.assembly, self.contacts, self.ask, flat, cone, clearance, below, tried, errors
+            )
             groups.append((content, find_out))
         return groups
-
-    def _inserted(
-        self,
-        flat: ContactModel | None,
-        cone: InsertionCone,
-        clearance: float,
-        below: str,
-        tried: Sequence[Direction],
-        errors: Sequence[PlacingError],
-    ) -> Row:
-        ready = insertion_scene(
-            self.assembly,
-            self.contacts,
-            cone,
-            flat=flat,
-            clearance=clearance,
-            below=below,
-            friction=self.ask.friction,
-            hand=self.ask.hand,
-        )
-        results = [insert(ready, way, hand=self.ask.hand) for way in tried]
-        axis = next((w for w in tried if w.kind == "axis"), None)
-        if axis is not None:
-            results += [insert(ready, axis, error=e, hand=self.ask.hand) for e in errors]
-        return {"trials": [asdict(r) for r in results]}
 
     def _standing(self, so_far: Simulation) -> list[bool]:
         """Return for every part whether what was placed before it stands: in physics, or else in statics."""
@@ -226,12 +202,50 @@ class _Work:
         return result.status is Status.EQUILIBRIUM
 
     def _rows(self, trials: Sequence[Trial]) -> tuple[list[Row], bool]:
-        rows = run_trials(trials, self.store, self.ask.threads, self.progress)
+        rows = run_trials(trials, self.store, self.ask.threads, self.progress, self.executor)
         done = [row for row in rows if row is not None]
         return done, len(done) == len(trials)
 
     def _finished(self, result: Simulation, complete: bool) -> Simulation:
         return result if complete else replace(result, interrupted=True)
+
+
+def _state(
+    assembly: Assembly, model: ContactModel, contacts: Sequence[Contact], case: LoadCase, friction: float
+) -> Row:
+    return asdict(state_result(assembly, model, contacts, case, friction))
+
+
+def _tilt(compiled: Compiled, contacts: Sequence[Contact], azimuth: float) -> Row:
+    return asdict(physical_tilt(compiled, contacts, azimuth))
+
+
+def _inserted(
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    ask: Questions,
+    flat: ContactModel | None,
+    cone: InsertionCone,
+    clearance: float,
+    below: str,
+    tried: Sequence[Direction],
+    errors: Sequence[PlacingError],
+) -> Row:
+    ready = insertion_scene(
+        assembly,
+        contacts,
+        cone,
+        flat=flat,
+        clearance=clearance,
+        below=below,
+        friction=ask.friction,
+        hand=ask.hand,
+    )
+    results = [insert(ready, way, hand=ask.hand) for way in tried]
+    axis = next((w for w in tried if w.kind == "axis"), None)
+    if axis is not None:
+        results += [insert(ready, axis, error=e, hand=ask.hand) for e in errors]
+    return {"trials": [asdict(r) for r in results]}
 
 
 def _near_misses(report: ContactReport) -> tuple[str, ...]:

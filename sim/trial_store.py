@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -23,7 +23,8 @@ class Trial:
     Attributes:
         label: what progress shows.
         content: everything that decides the outcome, as plain values; its hash is the trial's name in the store.
-        find_out: returns the row; runs in a thread, MuJoCo releases Python's lock.
+        find_out: returns the row; runs in a thread, MuJoCo releases Python's lock. It can be pickled, for other
+            processes and machines.
     """
 
     label: str
@@ -70,8 +71,11 @@ def run_trials(
     store: TrialStore,
     threads: int | None = None,
     progress: Callable[[str, int, int], None] | None = None,
+    executor: Executor | None = None,
 ) -> list[Row | None]:
     """Return one row per trial, in order; None for those that an interruption (Ctrl-C) left undone.
+
+    Trials run on `executor`, which stays open; by default on `threads` threads, one per core.
 
     `progress` is called in this thread with (label, done, total). An error in one trial stops the rest and is
     raised; finished trials stay in the store.
@@ -81,7 +85,7 @@ def run_trials(
     todo = [k for k, row in enumerate(rows) if row is None]
     done = len(trials) - len(todo)
     workers = threads or os.cpu_count() or 1
-    pool = ThreadPoolExecutor(max_workers=workers)
+    pool = ThreadPoolExecutor(max_workers=workers) if executor is None else executor
     queue, waiting = iter(todo), dict[Future[Row], int]()
     try:
         while True:
@@ -97,11 +101,13 @@ def run_trials(
                 if progress is not None:
                     progress(trials[k].label, done, len(trials))
     except KeyboardInterrupt:
-        pool.shutdown(wait=True, cancel_futures=True)
         for future, k in waiting.items():
-            if not future.cancelled() and future.exception() is None:
+            if not future.cancel() and future.exception() is None:  # what has begun is finished and kept
                 rows[k] = future.result()
                 store.put(keys[k], rows[k] or {})
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        for future in waiting:
+            future.cancel()
+        if executor is None:
+            pool.shutdown(wait=True, cancel_futures=True)
     return rows

@@ -276,3 +276,17 @@ def test_load_cases_and_azimuths_are_the_same_on_an_executor() -> None:
         assert theirs.result.infeasibility == mine.result.infeasibility
         assert (theirs.result.forces == mine.result.forces).all() and theirs.moving == mine.moving
     assert tilts == tuple(critical_tilt(assembly, here.contacts, a, 0.2) for a in (0.0, np.pi))
+
+
+def test_physics_is_the_same_on_an_executor_and_a_store_resumes_it() -> None:
+    from sim.questions import Questions
+    from sim.simulate import simulate
+
+    assembly = load(BASE).assembly
+    asked = Questions(stages=("states", "tilt", "insertion"), directions=2, clearances=(0.0,), errors=(), threads=1)
+    store = TrialStore()
+    with executor(2) as pool:
+        there = simulate(assembly, None, asked, store=store, executor=pool)
+    here = simulate(assembly, None, asked)
+    assert len(store) > 0
+    assert (there.states, there.tilt, there.insertion) == (here.states, here.tilt, here.insertion)
