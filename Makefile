@@ -4,6 +4,7 @@
 #   make test    style, types and tests
 #   make browser  the viewer and the pages in headless Chromium
 #   make docs    the documentation site, in site/, from pages that are up to date
+#   make dist-test  wheel and source archive, built and tried in an environment of their own
 #   make bench   all measurements, the long ones included; writes docs/benchmarks.md
 #   make bench-quick   three minutes of them, compared with the last time on this machine
 #   make compas  an environment with compas_cra, which make bench then compares with
@@ -26,7 +27,7 @@ export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test style types unit browser docs bench bench-quick clean
+.PHONY: help setup demo test style types unit browser docs dist-test bench bench-quick clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -74,6 +75,9 @@ docs: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	$(BIN)/python docs/generate.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+dist-test: setup
+	$(BIN)/python -m pytest -n 0 -m "long or not long" tests/test_dist.py
 
 bench: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.simulate import stored_design
 from mocca_robot.errors import InputError
 
-if TYPE_CHECKING:
-    from mocca_robot.cli.checkup import Checkup
-
-DESCRIPTION = """Parts, contacts and near misses; equilibrium of every state of the sequence; critical tilt; with a key:
-interlocking; whether anything can move at all; how each part goes in, and the largest alpha that any joint could offer
-it (a joint never opens a cone wider than the flat contact that it replaces)."""
+DESCRIPTION = """What was understood: unit, parts with sizes and masses in the order of assembly, contacts; what looks
+suspicious; equilibrium of every state of the sequence; critical tilt; with a key: interlocking; whether anything can
+move at all; how each part goes in, and the largest alpha that any joint could offer it (a joint never opens a cone
+wider than the flat contact that it replaces)."""
 
 
 def add(commands: Any) -> None:
@@ -28,13 +26,14 @@ def add(commands: Any) -> None:
     parser.add_argument("--friction", type=float, metavar="MU", help="Coulomb coefficient (default: the file's, or 0)")
     parser.add_argument("--key", metavar="PART", help="does everything interlock while this part is held")
     parser.add_argument("--azimuths", type=int, metavar="N", help="directions of tilt of solids (default 8)")
+    parser.add_argument("--picture", metavar="FILE", help="draw the parts: an .svg, or a .png (needs typst)")
     arguments.add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 when every verdict is positive, 1 otherwise."""
-    from mocca_robot.cli import checkup
+    from mocca_robot.cli import checkup, understood
     from mocca_robot.contacts import find_contacts, require_sound
 
     further: dict[str, Any] = {}
@@ -50,18 +49,24 @@ def run(args: argparse.Namespace) -> int:
         config.assembly.index(args.key)
     for note in config.notes:
         console.warn(f"note: {note}")
+    picture = None
     with console.stage("contacts"):
         report = find_contacts(config.assembly)
-        require_sound(config.assembly, report)
+    for line in understood.lines(config, report):
+        console.say(line)
+    if args.picture is not None:
+        with console.stage("picture"):
+            picture = understood.write_picture(Path(args.picture), config.assembly, report.contacts)
+        console.say(f"picture: {picture}")
+    require_sound(config.assembly, report)
+    suspicions = understood.suspicions(config.assembly, report.contacts)
+    for line in suspicions:
+        console.warn(f"suspicious: {line}")
     with console.stage("statics"):
         found = checkup.checkup(config, report, args.key, azimuths)
     for line in checkup.lines(found, built=stored_design(Path(args.input)) is not None):
         console.say(line)
     console.say(console.times())
-    return _finish(found, console)
-
-
-def _finish(found: Checkup, console: Console) -> int:
-    from mocca_robot.cli import checkup
-
-    return console.finish(1 if found.findings else 0, checkup.document(found))
+    further = {"suspicious": suspicions, "picture": None if picture is None else str(picture)}
+    data = {**checkup.document(found), **understood.document(config), **further}
+    return console.finish(1 if found.findings else 0, data)

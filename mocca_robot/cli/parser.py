@@ -18,6 +18,7 @@ from mocca_robot.cli import (
     examples,
     export,
     info,
+    manual,
     new,
     plan,
     rehearse,
@@ -89,6 +90,7 @@ def build_parser() -> argparse.ArgumentParser:
         plan,
         rehearse,
         export,
+        manual,
         info,
         cite,
     ):

@@ -30,9 +30,9 @@ def examples_folder() -> Path:
 
 
 def examples() -> tuple[Example, ...]:
-    """Return the configurations by name, robot cells (`cells/…`) last."""
+    """Return the configurations by name, then robot cells (`cells/…`) and studies (`studies/…`)."""
     folder = examples_folder()
-    files = sorted(folder.glob("*.yaml")) + sorted((folder / "cells").glob("*.yaml"))
+    files = [f for inside in (".", "cells", "studies") for f in sorted((folder / inside).glob("*.yaml"))]
     return tuple(_example(f, folder) for f in files)
 
 
@@ -42,12 +42,16 @@ def _example(path: Path, folder: Path) -> Example:
     for line in text.splitlines():
         if not line.startswith("#"):
             break
-        about.append(line.lstrip("# ").rstrip())
+        if not line.startswith("#   "):  # an indented command
+            about.append(line.lstrip("# ").rstrip())
     data = parse_yaml(text, f"'{path}'") or {}
     generator = data.get("generator") or {}
     named = [data.get("model"), *(generator.get(k) for k in ("surface", "lines"))]
-    needs = tuple(path.parent / str(n) for n in named if n)
-    return Example(path.relative_to(folder).with_suffix("").as_posix(), " ".join(about), path, needs)
+    needs = [path.parent / str(n) for n in named if n]
+    if data.get("base"):
+        base = _example((path.parent / str(data["base"])).resolve(), folder)
+        needs += [base.path, *base.needs]
+    return Example(path.relative_to(folder).with_suffix("").as_posix(), " ".join(about), path, tuple(needs))
 
 
 def copy_examples(names: list[str], target: Path) -> list[Path]:

@@ -135,9 +135,10 @@ def _build(
     from mocca_robot.ur.driver import UrArm
     from mocca_robot.ur.executor import execute
     from mocca_robot.ur.journal import Journal
-    from mocca_robot.ur.link import prefer_this_process
+    from mocca_robot.ur.link import prefer_this_process, require_client
 
     require_sound(plan)
+    require_client()
     prefer_this_process()
     say = _silent if args.json else _say
     if record is not None and record.truncated is not None:

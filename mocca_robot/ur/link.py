@@ -49,14 +49,19 @@ class LinkLost(Exception):
     """A child did not answer within its deadline, or its library failed; the child has been killed."""
 
 
+def require_client() -> None:
+    """Raise EnvironmentNeeded when the package that talks to the robot is not installed."""
+    if importlib.util.find_spec("rtde_control") is None:
+        raise EnvironmentNeeded(
+            "The package ur-rtde is missing, which talks to the robot. Run: pip install 'mocca-robot[robot]'"
+        )
+
+
 class Link:
     """One child process and the pipe to it. `call` returns within its deadline or raises LinkLost."""
 
     def __init__(self, role: str, host: str, deadline_s: float) -> None:
-        if importlib.util.find_spec("rtde_control") is None:
-            raise EnvironmentNeeded(
-                "The package ur-rtde is missing, which talks to the robot. Run: pip install 'mocca-robot[robot]'"
-            )
+        require_client()
         self.role = role
         parent, child = socket.socketpair()
         self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the link

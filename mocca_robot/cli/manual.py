@@ -1,0 +1,81 @@
+"""`mocca-robot manual`: an illustrated assembly manual, with the bill of parts."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mocca_robot.cli import arguments
+from mocca_robot.cli.console import Console
+from mocca_robot.cli.simulate import stored_design
+from mocca_robot.errors import InputError
+
+if TYPE_CHECKING:
+    from mocca_robot.contacts import Contact
+    from mocca_robot.design import Insertion
+    from mocca_robot.files.config import Config
+
+DESCRIPTION = """Writes one step per part: what stands already, the part in front of its seat, the way it goes in with
+its cone, what has to be held; and the bill of parts, in the manual and as bill.csv beside it. HTML prints well; a file
+that ends in .pdf needs typst: pip install mocca-robot[manual]."""
+
+
+def add(commands: Any) -> None:
+    """Add the command."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "manual", help="write an illustrated assembly manual and the bill of parts", description=DESCRIPTION
+    )
+    arguments.add_input(parser, "DESIGN")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help=".html or .pdf (default: manual.html beside the design, or in out/NAME)"
+    )
+    arguments.add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Return 0 after writing the manual and the bill."""
+    from mocca_robot.contacts import find_contacts, require_sound
+    from mocca_robot.files.output import safe_file_names, writable_folder, write_atomic
+    from mocca_robot.loads import state_cases
+    from mocca_robot.report.bill import bill_csv
+    from mocca_robot.report.manual import manual, write_manual
+    from mocca_robot.verify import solve_case
+
+    console = Console(args.json)
+    with console.stage("read"):
+        config = arguments.load(args)
+        stored = stored_design(Path(args.input))
+    assembly = config.assembly
+    beside = stored.parent if stored else Path("out") / safe_file_names([assembly.name])[assembly.name]
+    target = Path(args.output) if args.output else beside / "manual.html"
+    if target.suffix.lower() not in (".html", ".pdf"):
+        raise InputError(f"'{target}' ends in '{target.suffix}'; a manual is a .html or a .pdf.")
+    writable_folder(target.parent)
+    with console.stage("contacts"):
+        report = find_contacts(assembly)
+        require_sound(assembly, report)
+    with console.stage("statics"):
+        states = [solve_case(assembly, report.contacts, case, config.friction) for case in state_cases(assembly)]
+    with console.stage("draw"):
+        what = manual(assembly, report.contacts, _ways(config, report.contacts, stored), states)
+        files = [write_manual(what, target), write_atomic(target.with_name("bill.csv"), bill_csv(assembly))]
+    for file in files:
+        console.say(str(file))
+    return console.finish(0, {"files": [str(f) for f in files], "steps": len(what.steps)})
+
+
+def _ways(config: Config, contacts: tuple[Contact, ...], stored: Path | None) -> tuple[Insertion, ...]:
+    """Return how the parts go in: as the design says, else along the axis of what their contacts leave."""
+    from mocca_robot.design import Insertion
+    from mocca_robot.files.design_json import read_design
+    from mocca_robot.joints.joint import planar
+    from mocca_robot.parts_graph import part_motions
+
+    found = {i.part: i for i in read_design(stored).insertion} if stored else {}
+    for index, motion in part_motions(config.assembly, [planar(c) for c in contacts]).items():
+        name = config.assembly.parts[index].name
+        direction = config.insertion.get(name, -motion.axis)
+        found.setdefault(name, Insertion(name, direction, motion.alpha_rad))
+    return tuple(found.values())

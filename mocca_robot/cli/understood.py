@@ -1,0 +1,115 @@
+"""What `check` understood of an input, in plain units: parts, sizes, masses, sequence; suspicions; a picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts import Contact, ContactReport
+from mocca_robot.errors import InputError
+from mocca_robot.files.config import Config
+from mocca_robot.report.bill import size
+
+FEW = 40
+"""Up to so many parts each gets a line of its own."""
+TINY = 0.02
+"""Contacts and parts below this share of the middle one are more often a slip than meant."""
+DENSITIES = (5.0, 23000.0)
+"""kg/m³, from foam to osmium."""
+
+
+def plain_length(metres: float) -> str:
+    """Return a length in the unit people would use for it."""
+    if metres >= 1.0:
+        return f"{metres:.3g} m"
+    return f"{metres * 1e3:.3g} mm"
+
+
+def plain_mass(kilograms: float) -> str:
+    """Return a mass in grams, kilograms or tonnes."""
+    if kilograms >= 1000.0:
+        return f"{kilograms / 1e3:.3g} t"
+    return f"{kilograms:.3g} kg" if kilograms >= 1.0 else f"{kilograms * 1e3:.3g} g"
+
+
+def lines(config: Config, report: ContactReport) -> list[str]:
+    """Return what was understood, for people."""
+    assembly = config.assembly
+    extent = np.ptp(np.concatenate([p.shape.bounds for p in assembly.parts]), axis=0)
+    edges = " × ".join(plain_length(float(v)) for v in extent)
+    names = ("wide", "high") if assembly.dimension == 2 else ("x", "y", "z")
+    out = [f"read: {config.source} in {config.unit}; {edges} ({' × '.join(names)})"]
+    if len(assembly.parts) <= FEW:
+        touching: dict[int, set[int]] = {k: set() for k in range(len(assembly.parts))}
+        for i, j in (c.parts for c in report.contacts):
+            touching[i].add(j)
+            touching[j].add(i)
+        for k, part in enumerate(assembly.parts):
+            edges = " × ".join(plain_length(v) for v in size(part))
+            fixed = ", fixed" if part.fixed else ""
+            touches = ", ".join(assembly.parts[n].name for n in sorted(touching[k])) or "nothing"
+            out.append(f"{k + 1:3}  {part.name}: {edges}, {plain_mass(part.mass)}{fixed}; touches {touches}")
+    else:
+        shown = [p.name for p in assembly.parts[:FEW]]
+        out.append(f"sequence: {', '.join(shown)} and {len(assembly.parts) - FEW} more")
+    return out
+
+
+def suspicions(assembly: Assembly, contacts: tuple[Contact, ...]) -> list[str]:
+    """Return what is sound but more often a slip than meant."""
+    out = []
+    for part in assembly.parts:
+        if not DENSITIES[0] <= part.density <= DENSITIES[1]:
+            out.append(
+                f"'{part.name}' has a density of {part.density:g} kg/m³; is that meant? (water 1000, steel 7850)"
+            )
+    volumes = np.array([p.shape.volume for p in assembly.parts])
+    for k in np.flatnonzero(volumes < TINY**assembly.dimension * np.median(volumes)):
+        share = volumes[k] / np.median(volumes)
+        out.append(f"'{assembly.parts[k].name}' is tiny: {share:.1g} of the middle part's volume; a leftover?")
+    measures = np.array([c.measure for c in contacts])
+    for k in np.flatnonzero(measures < TINY ** (assembly.dimension - 1) * np.median(measures)) if len(contacts) else ():
+        a, b = (assembly.parts[p].name for p in contacts[k].parts)
+        unit = f"{measures[k] * 1e3:.3g} mm" if assembly.dimension == 2 else f"{measures[k] * 1e6:.3g} mm²"
+        out.append(f"'{a}' and '{b}' touch over {unit} only; should they?")
+    up = assembly.gravity[-1] > 0.0
+    if up:
+        out.append("gravity points up; is that meant?")
+    lowest = min(float(p.shape.bounds[0, -1]) for p in assembly.parts)
+    for part in assembly.parts:
+        above = float(part.shape.bounds[0, -1]) - lowest
+        if part.fixed and above > 0.5 * assembly.size:
+            out.append(
+                f"'{part.name}' is fixed, {plain_length(above)} above the lowest point; does it touch the ground?"
+            )
+    return out[:12]
+
+
+def document(config: Config) -> dict[str, Any]:
+    """Return the same for JSON, in metres and kilograms."""
+    return {
+        "source": str(config.source),
+        "unit": config.unit,
+        "sizes_m": {p.name: list(size(p)) for p in config.assembly.parts},
+        "sequence": list(config.assembly.sequence),
+    }
+
+
+def write_picture(path: Path, assembly: Assembly, contacts: tuple[Contact, ...]) -> Path:
+    """Return `path` after drawing the parts there, .svg or .png. Raises InputError for other endings."""
+    from mocca_robot.files.output import write_atomic
+    from mocca_robot.report.figures import stand_alone
+    from mocca_robot.report.palette import part_colours
+    from mocca_robot.report.pictures import Picture, draw, shared_view
+    from mocca_robot.report.typeset import write_png
+
+    view = shared_view([assembly], 600.0)
+    svg = stand_alone(draw(Picture(assembly, contacts, part_colours(assembly, contacts)), view, assembly.name))
+    if path.suffix.lower() == ".png":
+        return write_png(svg, path)
+    if path.suffix.lower() != ".svg":
+        raise InputError(f"'{path}' ends in '{path.suffix}'; a picture is an .svg or a .png.")
+    return write_atomic(path, svg)
