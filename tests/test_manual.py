@@ -66,7 +66,10 @@ def test_solids_and_pdf(tmp_path: Path) -> None:
     for assembly, name in ((arch, "arch"), (pile(), "pile")):
         source = write_assembly(assembly, tmp_path / f"{name}.json")
         assert main(["manual", str(source), "-o", str(tmp_path / f"{name}.pdf")]) == 0
-        assert (tmp_path / f"{name}.pdf").read_bytes().startswith(b"%PDF-")
+        written = (tmp_path / f"{name}.pdf").read_bytes()
+        assert written.startswith(b"%PDF-")
+        assert main(["manual", str(source), "-o", str(tmp_path / f"{name}.pdf")]) == 0
+        assert (tmp_path / f"{name}.pdf").read_bytes() == written, "same input, same output"
     assert main(["manual", str(source), "-o", str(tmp_path / "m.docx")]) == 2
 
 

@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from mocca_robot.errors import EnvironmentNeeded
 from mocca_robot.files.output import write_atomic
@@ -39,7 +39,7 @@ def _written(
     pictures: Mapping[str, str],
     inputs: dict[str, str],
     path: Path,
-    kind: str,
+    kind: Literal["pdf", "png"],
     what: str,
     ppi: float = 144.0,
 ) -> Path:
