@@ -61,6 +61,7 @@ def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement
     from benchmarks.contacts import contacts
     from benchmarks.growth import growth
     from benchmarks.physics import physics
+    from benchmarks.plans import plans
     from benchmarks.profile import profile
     from benchmarks.states import states
 
@@ -75,6 +76,7 @@ def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement
         "configs": design_baseline.configs,
         "growth": growth,
         "physics": physics,
+        "plans": plans,
         "profile": profile,
         "states": states,
     }

@@ -71,7 +71,7 @@ class BuildPlan:
     """A plan, or why there is none.
 
     Attributes:
-        plan: None when a state falls or a part cannot be placed.
+        plan: None when a state falls or a part cannot be placed; with `partial` the steps before that part.
         reports: one per part that was planned.
         falls: states that fall without declared supports.
         cell: with the place, turn and tray that were chosen.
@@ -99,13 +99,15 @@ def build_plan(
     friction: float = 0.0,
     supports: Sequence[str] = (),
     seed: int = 0,
+    partial: bool = False,
     design_path: str | None = None,
     progress: Progress = lambda text: None,
 ) -> BuildPlan:
     """Return a plan that builds `design` in `cell`, with what was found for every part.
 
     `supports` are parts that stand by other means once placed, besides those that the cell declares; InputError for
-    names that are no parts, and when the tray is too small. `progress` is told what is being done.
+    names that are no parts, and when the tray is too small. When a part cannot be placed there is no plan, or, with
+    `partial`, one that ends before it. `progress` is told what is being done.
     """
     names = [p.name for p in design.assembly.parts if not p.fixed]
     if not names:
@@ -128,7 +130,12 @@ def build_plan(
     steps = _steps(bench, search, progress)
     reports = tuple(search.reports[n] for n in names)
     if len(steps) < len(names):
-        return BuildPlan(None, reports, (), cell, bench.site, tray)
+        before = names[: _first_missing(reports)] if partial else []
+        steps = [s for s in steps if s.part in before]
+        if not steps:
+            return BuildPlan(None, reports, (), cell, bench.site, tray)
+    for name in names[len(steps) :]:
+        bench.scene.place(name, bench.waiting(name))
     steps[-1] = _homeward(bench, steps[-1], seed)
     plan = Plan(
         design_sha256,
@@ -140,6 +147,10 @@ def build_plan(
         supports=supports,
     )
     return BuildPlan(plan, reports, (), cell, bench.site, tray)
+
+
+def _first_missing(reports: Sequence[PartReport]) -> int:
+    return next((k for k, r in enumerate(reports) if not r.placed), len(reports))
 
 
 @dataclass

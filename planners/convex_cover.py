@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 SWELL = 5e-4
 """Metres: flat outlines grow by this before they are simplified, so that few pieces cover the whole part."""
-NEARLY_CONVEX = 0.95
+NEARLY_CONVEX = 0.93
 """A solid that fills this share of its convex hull is covered by its hull."""
-HALVINGS = 3
-"""How often other solids are cut in half: eight pieces at most."""
+HALVINGS = 2
+"""How often other solids are cut in half: four pieces, more where a half falls apart."""
 
 
 def convex_cover(shape: Polygon | Mesh) -> list[Array]:
     """Return corners (V, d) of convex pieces that cover `shape`: the tiles of a swollen outline, or the hulls of the
-    halves, quarters and eighths of a solid, cut where it helps most.
+    halves and quarters of a solid, cut where it helps most.
     """
     if isinstance(shape, Mesh):
         return _hulls(solid(shape), HALVINGS)
@@ -39,13 +39,12 @@ def _hulls(body: manifold3d.Manifold, halvings: int) -> list[Array]:
     low, high = np.reshape(body.bounding_box(), (2, 3))
     best: tuple[float, list[manifold3d.Manifold]] | None = None
     for axis in range(3):
-        for share in (0.35, 0.5, 0.65):
-            normal = np.eye(3)[axis]
-            cut = body.split_by_plane(normal.tolist(), float(low[axis] + share * (high[axis] - low[axis])))
-            halves = [h for half in cut for h in half.decompose() if h.volume() > 1e-6 * body.volume()]
-            covered = sum(h.hull().volume() for h in halves)
-            if halves and (best is None or covered < best[0]):
-                best = covered, halves
+        normal = np.eye(3)[axis]
+        cut = body.split_by_plane(normal.tolist(), float(0.5 * (low[axis] + high[axis])))
+        halves = [h for half in cut for h in half.decompose() if h.volume() > 1e-6 * body.volume()]
+        covered = sum(h.hull().volume() for h in halves)
+        if halves and (best is None or covered < best[0]):
+            best = covered, halves
     if best is None or best[0] > 0.995 * hull.volume():
         return [np.asarray(hull.to_mesh64().vert_properties, dtype=np.float64)[:, :3]]
     return [piece for half in best[1] for piece in _hulls(half, halvings - 1)]

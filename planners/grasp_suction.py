@@ -13,10 +13,12 @@ from planners.tool import SuctionGripper
 
 SAMPLES = 160
 """Points tried on the surface of a solid part at once."""
-ROUNDS = 6
+ROUNDS = 5
 """How often as many are tried again while few of them are even."""
 RIM = 8
 """Points of the lip that are looked at."""
+STEEPEST = 0.35
+"""Largest slope between a face and the plane that fits the lip around it."""
 RISE_M = 0.01
 """Rays towards the surface start this far above it."""
 NOT_BELOW = 0.35
@@ -43,8 +45,10 @@ def on_solid(
     for _ in range(ROUNDS):
         face = rng.choice(len(area), size=SAMPLES, p=weight / weight.sum())
         drawn = np.einsum("nk,nkd->nd", rng.dirichlet(np.ones(3), SAMPLES), corners[face])
+        first = _supported(corners, drawn, normal[face], gripper)
+        drawn, face = drawn[first], face[first]
         good, mean, height = _even(corners, drawn, normal[face], gripper)
-        count(rejected, "uneven under the cup", int((~good).sum()))
+        count(rejected, "uneven under the cup", SAMPLES - int(good.sum()))
         points.append(drawn[good] + height[good, None] * mean[good])
         normals.append(mean[good])
         if sum(map(len, points)) >= SAMPLES // 2:
@@ -93,14 +97,31 @@ def pull(gripper: SuctionGripper, tcp: Array, direction: Array, push_n: float) -
     return ""
 
 
+def _supported(corners: Array, point: Array, outward: Array, gripper: SuctionGripper) -> BoolArray:
+    """Return where a surface lies under four points of the lip (n,): what is over an edge needs no closer look."""
+    good = np.ones(len(point), dtype=bool)
+    first, second = _across(outward)
+    for beside in (first, -first, second, -second):
+        there = np.flatnonzero(good)
+        start = point[there] + gripper.cup_radius_m * beside[there] + RISE_M * outward[there]
+        _, distance = first_hits(corners, start, -outward[there])
+        good[there] = np.abs(RISE_M - distance) < STEEPEST * gripper.cup_radius_m + gripper.bellows_m
+    return good
+
+
+def _across(outward: Array) -> tuple[Array, Array]:
+    """Return two unit directions (n, 3) across each normal."""
+    helper = np.where(np.abs(outward[:, :1]) < 0.7, np.array([[1.0, 0, 0]]), np.array([[0, 1.0, 0]]))
+    first = np.cross(outward, helper)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return first, np.cross(outward, first)
+
+
 def _even(corners: Array, point: Array, outward: Array, gripper: SuctionGripper) -> tuple[BoolArray, Array, Array]:
     """Return where the surface under the lip is even (n,), its mean normal there (n, 3), and how far the lip's highest
     point lies above the middle (n,).
     """
-    helper = np.where(np.abs(outward[:, :1]) < 0.7, np.array([[1.0, 0, 0]]), np.array([[0, 1.0, 0]]))
-    first = np.cross(outward, helper)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    second = np.cross(outward, first)
+    first, second = _across(outward)
     heights = []
     angles = np.arange(RIM) * 2 * np.pi / RIM
     for radius in (gripper.cup_radius_m, 0.5 * gripper.cup_radius_m):
@@ -116,7 +137,7 @@ def _even(corners: Array, point: Array, outward: Array, gripper: SuctionGripper)
     tilt_b = 2.0 / RIM * (sines @ rim[:RIM]) / gripper.cup_radius_m
     fitted = gripper.cup_radius_m * (np.outer(cosines, tilt_a) + np.outer(sines, tilt_b))
     rest = np.concatenate([rim[:RIM] - fitted, rim[RIM:] - 0.5 * fitted, np.zeros((1, len(point)))])
-    good = (np.ptp(rest, axis=0) < gripper.bellows_m) & (np.hypot(tilt_a, tilt_b) < 0.35)
+    good = (np.ptp(rest, axis=0) < gripper.bellows_m) & (np.hypot(tilt_a, tilt_b) < STEEPEST)
     mean = outward - tilt_a[:, None] * first - tilt_b[:, None] * second
     return good, mean / np.linalg.norm(mean, axis=1)[:, None], np.maximum(rest.max(axis=0), 0.0)
 

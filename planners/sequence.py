@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
@@ -25,6 +25,11 @@ from mocca_robot.verify import insertion_rim, solve_case, sweep_blockers
 from mocca_robot.ways_out import spread_directions
 
 State = frozenset[int]
+
+LARGE = 20
+"""With more free parts the first order found is kept, and parts to hold are chosen by how much they move."""
+CANDIDATES = 6
+"""Parts that could leave next, highest first, of which the best is taken."""
 
 
 class SequenceStatus(StrEnum):
@@ -75,6 +80,7 @@ class SequenceResult:
         falling: the parts that nobody is left to hold in the state that stopped the search; empty unless FALLS/BUDGET.
         remaining: the parts of that state.
         states: how many states were examined.
+        fewest: whether no other order needs fewer supports, among the ways out and holders that were tried.
     """
 
     status: SequenceStatus
@@ -83,6 +89,7 @@ class SequenceResult:
     falling: tuple[str, ...] = ()
     remaining: tuple[str, ...] = ()
     states: int = 0
+    fewest: bool = False
 
     @property
     def supports(self) -> int:
@@ -118,7 +125,9 @@ def find_sequence(
 
     Among the orders the one that needs fewest supports (parts held, summed over the states) comes first; with
     `holders` no state may need more than that many at once. Besides the axis of each part's cone, `directions` evenly
-    spread ones are tried (default 36 flat, 120 solid). After `states` states the search gives up with BUDGET.
+    spread ones are tried (default 36 flat, 120 solid). A first order is found by taking away what lies highest; when it
+    needs supports, others are searched until `states` states were seen, then the best order so far is returned without
+    a proof that it needs fewest; with none so far the answer is BUDGET.
     InputError when `holders` is negative.
     """
     if holders is not None and holders < 0:
@@ -150,47 +159,97 @@ def _deadlocked(exits: _Exits) -> State:
 
 
 def _search(assembly: Assembly, exits: _Exits, statics: _Statics, holders: int | None, budget: int) -> SequenceResult:
-    """Uniform-cost search from the whole assembly to its fixed parts; the cost is the supports of all states passed.
+    """Return the better of what taking away from the top finds and of a uniform-cost search from the whole assembly to
+    its fixed parts, the cost being the supports of all states passed.
 
-    Among equal costs the deepest state goes on first, and the part placed last in the given order leaves first.
+    A state's supports are counted only when it is its turn; until then its parent's cost stands for it, which is never
+    more. Among equal costs the deepest state goes on first, and what lies highest leaves first.
     """
     names = assembly.sequence
+    order = _from_the_top(exits, statics, holders)
+    best = None if order is None else sum(len(statics.held(s)) for s in _states(exits.free, order))
+    if best == 0 or (order is not None and len(exits.free) > LARGE):
+        assert order is not None
+        return _found(names, exits, statics, order, fewest=best == 0)
     ticket = itertools.count()
     whole = exits.free
-    first = statics.held(whole)
-    queue: list[tuple[int, int, int, State, tuple[int, ...]]] = []
+    queue: list[tuple[int, int, int, bool, State, tuple[int, ...]]] = [(0, len(whole), next(ticket), False, whole, ())]
     stuck: State = whole
-    if holders is None or len(first) <= holders:
-        queue.append((len(first), len(whole), next(ticket), whole, ()))
     seen: set[State] = set()
     while queue:
-        cost, _, _, there, removed = heapq.heappop(queue)
+        cost, _, _, counted, there, removed = heapq.heappop(queue)
         if there in seen:
+            continue
+        if len(seen) >= budget:
+            if order is not None:
+                return _found(names, exits, statics, order, fewest=False)
+            return _stopped(SequenceStatus.BUDGET, names, statics, stuck)
+        need = len(statics.held(there))
+        if holders is not None and need > holders:
+            seen.add(there)
+            if len(there) < len(stuck) or stuck == whole:
+                stuck = there
+            continue
+        if not counted and need:
+            heapq.heappush(queue, (cost + need, len(there), next(ticket), True, there, removed))
             continue
         seen.add(there)
         if not there:
-            return SequenceResult(
-                SequenceStatus.FOUND, _placements(names, exits, statics, removed[::-1]), states=len(statics.known)
-            )
-        if len(seen) > budget:
-            return SequenceResult(
-                SequenceStatus.BUDGET,
-                remaining=_names(names, stuck),
-                falling=_names(names, statics.held(stuck)),
-                states=len(statics.known),
-            )
-        for part in sorted(there, reverse=True):
+            return _found(names, exits, statics, removed, fewest=True)
+        for part in exits.from_the_top(there):
             after = there - {part}
-            if after in seen or exits.way_out(part, there) is None:
+            if after not in seen and exits.way_out(part, there) is not None:
+                heapq.heappush(queue, (cost, len(after), next(ticket), False, after, (*removed, part)))
+    return _stopped(SequenceStatus.FALLS, names, statics, stuck)
+
+
+def _states(whole: State, removed: Sequence[int]) -> Iterator[State]:
+    """Yield the states passed while `removed` leave one after the other, the whole one first."""
+    there = whole
+    yield there
+    for part in removed:
+        there = there - {part}
+        yield there
+
+
+def _from_the_top(exits: _Exits, statics: _Statics, holders: int | None) -> tuple[int, ...] | None:
+    """Return an order of removal without going back: the highest part that can leave, unless another one of the first
+    few leaves a state behind that needs fewer holders; None when `holders` do not suffice somewhere.
+    """
+    there, removed = exits.free, []
+    held = statics.held(there)
+    if holders is not None and len(held) > holders:
+        return None
+    while there:
+        best: tuple[int, int] | None = None
+        tried = 0
+        for part in exits.from_the_top(there):
+            if exits.way_out(part, there) is None:
                 continue
-            held = statics.held(after)
-            if holders is not None and len(held) > holders:
-                if len(after) < len(stuck) or stuck == whole:
-                    stuck = after
-                continue
-            heapq.heappush(queue, (cost + len(held), len(after), next(ticket), after, (*removed, part)))
+            need = len(statics.held(there - {part}, held))
+            if best is None or need < best[0]:
+                best = need, part
+            tried += 1
+            if best[0] <= sum(h != part for h in held) or tried >= CANDIDATES:
+                break
+        if best is None or (holders is not None and best[0] > holders):
+            return None
+        there = there - {best[1]}
+        removed.append(best[1])
+        held = statics.held(there)
+    return tuple(removed)
+
+
+def _found(
+    names: Sequence[str], exits: _Exits, statics: _Statics, removed: tuple[int, ...], *, fewest: bool
+) -> SequenceResult:
+    placements = _placements(names, exits, statics, removed[::-1])
+    return SequenceResult(SequenceStatus.FOUND, placements, states=len(statics.known), fewest=fewest)
+
+
+def _stopped(status: SequenceStatus, names: Sequence[str], statics: _Statics, stuck: State) -> SequenceResult:
     return SequenceResult(
-        SequenceStatus.FALLS,
+        status,
         remaining=_names(names, stuck),
         falling=_names(names, statics.held(stuck)),
         states=len(statics.known),
@@ -207,7 +266,8 @@ def _placements(
     placements = []
     for k, part in enumerate(order):
         there = frozenset(order[: k + 1])
-        out = exits.way_out(part, there)
+        # Removing parts only opens ways: the one that was found still counts when looking anew finds none.
+        out = exits.exact_way_out(part, there) or exits.way_out(part, there)
         assert out is not None
         axis, alpha = out
         held = _names(names, statics.held(there))
@@ -223,7 +283,8 @@ class _Exits:
     contacts: Sequence[Contact]
     count: int
     met: dict[tuple[int, tuple[float, ...]], State] = field(default_factory=dict)
-    ways: dict[tuple[int, State], tuple[Array, float] | None] = field(default_factory=dict)
+    open: dict[int, tuple[State, tuple[Array, float]]] = field(default_factory=dict)
+    barred: dict[int, State] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         parts = self.assembly.parts
@@ -232,6 +293,8 @@ class _Exits:
         self.alpha = self.assembly.alpha_rad or 0.0
         self.spread = spread_directions(self.assembly.dimension, self.count)
         self.last: dict[int, Assembly] = {}
+        down = self.assembly.gravity
+        self.height = -np.array([p.centroid for p in parts]) @ down / max(float(np.linalg.norm(down)), 1e-12)
         self.normals: dict[int, list[tuple[int, Array]]] = {p: [] for p in self.free}
         for contact in self.contacts:
             i, j = contact.parts
@@ -240,25 +303,44 @@ class _Exits:
             if i in self.normals:
                 self.normals[i].append((j, -contact.normal))
 
-    def way_out(self, part: int, there: State) -> tuple[Array, float] | None:
-        """Return a unit direction (d,) along which `part` leaves the free parts `there`, with the room around it."""
-        others = (there | self.fixed) - {part}
-        key = (part, others)
-        if key not in self.ways:
-            self.ways[key] = self._way_out(part, others)
-        return self.ways[key]
+    def from_the_top(self, there: State) -> list[int]:
+        """Return the parts of a state, the highest first; at one height the one placed last in the given order."""
+        return sorted(there, key=lambda p: (-round(float(self.height[p]), 9), -p))
 
-    def _way_out(self, part: int, others: State) -> tuple[Array, float] | None:
-        d = self.assembly.dimension
-        normals = np.array([n for other, n in self.normals[part] if other in others]).reshape(-1, d)
-        room, axis = largest_cone(normals)
-        if room < self.alpha - 1e-9:
+    def way_out(self, part: int, there: State) -> tuple[Array, float] | None:
+        """Return a unit direction (d,) along which `part` leaves the free parts `there`, with the room around it at
+        least. What is known is used again: a way stays free when others have left, and stays barred while what bars it
+        is there.
+        """
+        others = (there | self.fixed) - {part}
+        if part in self.open and others <= self.open[part][0]:
+            return self.open[part][1]
+        if part in self.barred and self.barred[part] <= others:
             return None
-        slack = np.arcsin(np.clip((self.spread @ normals.T).min(axis=1, initial=1.0), -1.0, 1.0))
-        order = np.argsort(-slack, kind="stable")
-        for way, free in [(axis, room), *((self.spread[k], float(slack[k])) for k in order)]:
-            if free >= self.alpha - 1e-9 and not self._meets(part, way) & others:
-                return way, free
+        found = self.exact_way_out(part, there)
+        if found is not None:
+            self.open[part] = others, found
+        return found
+
+    def exact_way_out(self, part: int, there: State) -> tuple[Array, float] | None:
+        """Return the same, looked for anew."""
+        others = (there | self.fixed) - {part}
+        d = self.assembly.dimension
+        touching = [(other, n) for other, n in self.normals[part] if other in others]
+        normals = np.array([n for _, n in touching]).reshape(-1, d)
+        barring = {other for other, _ in touching}
+        room, axis = largest_cone(normals)
+        if room >= self.alpha - 1e-9:
+            slack = np.arcsin(np.clip((self.spread @ normals.T).min(axis=1, initial=1.0), -1.0, 1.0))
+            order = np.argsort(-slack, kind="stable")
+            for way, free in [(axis, room), *((self.spread[k], float(slack[k])) for k in order)]:
+                if free < self.alpha - 1e-9:
+                    break
+                met = self._meets(part, way) & others
+                if not met:
+                    return way, free
+                barring |= met
+        self.barred[part] = frozenset(barring)
         return None
 
     def _meets(self, part: int, way: Array) -> State:
@@ -293,22 +375,35 @@ class _Statics:
     friction: float
     known: dict[State, tuple[int, ...]] = field(default_factory=dict)
 
-    def held(self, there: State) -> tuple[int, ...]:
-        """Return parts that, held, let the state stand. One after the other, the one that helps most: few, and not
-        always fewest.
+    def __post_init__(self) -> None:
+        self.mass = np.array([p.mass for p in self.assembly.parts])
+
+    def held(self, there: State, near: tuple[int, ...] | None = None) -> tuple[int, ...]:
+        """Return parts that, held, let the state stand: few, and not always fewest.
+
+        One after the other is added: the one that helps most, or, in large states, the one that moves most, after
+        those of a state `near`; then those are left out that are not needed after all.
         """
         if there not in self.known:
-            held: tuple[int, ...] = ()
+            large = len(there) > LARGE
+            held = tuple(p for p in near or () if p in there) if large else ()
+            given = len(held)
             moving = self._moving(there, held)[1]
             while moving:
-                best = min(moving, key=lambda p: (self._moving(there, (*held, p))[0], p))
-                held = (*held, best)
+                if large:
+                    held = (*held, moving[0])
+                else:
+                    held = (*held, min(moving, key=lambda p: (self._moving(there, (*held, p))[0], p)))
                 moving = self._moving(there, held)[1]
+            for p in held[given:-1] if large else ():
+                fewer = tuple(h for h in held if h != p)
+                if not self._moving(there, fewer)[1]:
+                    held = fewer
             self.known[there] = tuple(sorted(held))
         return self.known[there]
 
     def _moving(self, there: State, held: tuple[int, ...]) -> tuple[float, tuple[int, ...]]:
-        """Return how far the state is from equilibrium, and which parts move."""
+        """Return how far the state is from equilibrium, and which parts move, the fastest falling weights first."""
         present: BoolArray = np.array(self.assembly.fixed)
         present[list(there)] = True
         fixed: BoolArray = np.array(self.assembly.fixed)
@@ -319,6 +414,8 @@ class _Statics:
         verdict = solve_case(self.assembly, self.contacts, case, self.friction)
         if verdict.result.stands:
             return 0.0, ()
+        d = self.assembly.dimension
+        power = verdict.result.motions[:, :d] @ self.assembly.gravity * self.mass
         moving = [self.assembly.index(n) for n in verdict.moving]
         free = [p for p in moving if not fixed[p]] or [p for p in sorted(there) if not fixed[p]]
-        return float(verdict.result.infeasibility), tuple(free)
+        return float(verdict.result.infeasibility), tuple(sorted(free, key=lambda p: (-float(power[p]), p)))

@@ -77,7 +77,7 @@ def _search(
     def valid(state: Any) -> bool:
         nonlocal used
         used += 1
-        return free(np.array([state[j] for j in range(6)]))
+        return bool(free(np.array([state[j] for j in range(6)])))
 
     setup.setStateValidityChecker(valid)
     information = setup.getSpaceInformation()

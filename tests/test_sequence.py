@@ -139,3 +139,74 @@ def test_orders_and_holders_that_make_no_sense_are_refused() -> None:
         reordered(bridge(), ["beam"])
     with pytest.raises(InputError, match="holders is -1"):
         find_sequence(bridge(), holders=-1)
+
+
+def test_a_shuffled_tower_comes_back_in_an_order_that_can_be_built() -> None:
+    tower = [box(f"b{k}", 0.004 * (k % 2), 0.02 + 0.02 * k, 0.04, 0.02) for k in range(9)]
+    mixed = [tower[k] for k in np.random.default_rng(3).permutation(9)]
+    assembly = flat(box("ground", -0.05, 0, 0.15, 0.02, True), *mixed, alpha=np.deg2rad(5))
+    found = find_sequence(assembly, holders=0)
+    assert [p.part for p in found.placements] == [f"b{k}" for k in range(9)]
+    assert found.fewest
+    require_buildable(assembly, found)
+
+
+def test_a_ring_of_a_dome_closes_with_a_last_block_or_names_those_that_bar_it() -> None:
+    from pathlib import Path
+
+    from mocca_robot.generators import generate
+
+    few = generate("dome", {"blocks": [6], "thickness": 0.2}, Path())
+    found = find_sequence(few)
+    require_buildable(few, found)
+    # With 10° of room asked for, blocks of a closed ring are wedged between their neighbours or go in as before.
+    wide = find_sequence(replace(few, alpha_rad=np.deg2rad(40)))
+    assert wide.status is SequenceStatus.DEADLOCKED
+    names = {o.part for o in wide.obstacles}
+    assert all(o.blockers and set(o.blockers) <= names | set(few.sequence) for o in wide.obstacles)
+
+
+def test_upright_tenons_deadlock_a_ball_and_say_who_locks_whom() -> None:
+    from pathlib import Path
+
+    from mocca_robot.files.config import load
+    from mocca_robot.joints.build import build_parts
+    from planners.tenons import upright_tenons
+
+    config = load(Path(__file__).parents[1] / "configs" / "sphere.yaml")
+    contacts = find_contacts(config.assembly).contacts
+    ball = build_parts(config.assembly, upright_tenons(config.assembly, contacts, config.joints))
+    found = find_sequence(replace(ball, alpha_rad=None))
+    assert found.status is SequenceStatus.DEADLOCKED
+    locked = {o.part: set(o.blockers) for o in found.obstacles}
+    assert len(locked) >= 2
+    assert all(locked.values())
+
+
+def test_what_is_known_about_ways_out_stays_true_when_parts_leave() -> None:
+    from planners.sequence import _Exits
+
+    assembly = random_assembly("wall", 3)
+    exits = _Exits(assembly, find_contacts(assembly).contacts, 36)
+    there = exits.free
+    while there:
+        leaving = [p for p in exits.from_the_top(there) if exits.way_out(p, there) is not None]
+        fresh = _Exits(assembly, exits.contacts, 36)
+        assert leaving == [p for p in fresh.from_the_top(there) if fresh.exact_way_out(p, there) is not None]
+        if not leaving:
+            break
+        there = there - {leaving[0]}
+
+
+@pytest.mark.long
+def test_a_tower_of_139_parts_is_ordered() -> None:
+    from pathlib import Path
+
+    from mocca_robot.files.config import load
+
+    assembly = load(Path(__file__).parents[1] / "configs" / "lilium_tower.yaml").assembly
+    free = [p.name for p in assembly.parts if not p.fixed]
+    mixed = reordered(assembly, [free[k] for k in np.random.default_rng(0).permutation(len(free))])
+    found = find_sequence(mixed)
+    assert found.status is SequenceStatus.FOUND
+    assert sorted(p.part for p in found.placements) == sorted(free)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,11 +32,14 @@ def add(commands: Any) -> None:
         "--supports",
         default="",
         metavar="PART,...",
-        help="parts that something else holds from the moment they are placed; 'all' for every part",
+        help="parts that something else holds once they are placed, besides the cell's; 'all' for every part",
     )
     parser.add_argument("--size", type=float, metavar="M", help="longest side of the structure (default: the cell's)")
     parser.add_argument("--friction", type=float, default=0.0, metavar="MU", help="Coulomb coefficient (default 0)")
     parser.add_argument("--seed", type=int, default=0, help="of the random ways tried (default 0)")
+    parser.add_argument(
+        "--partial", action="store_true", help="when a part cannot be placed, write the plan of the parts before it"
+    )
     arguments.add_json(parser)
     parser.set_defaults(run=run)
 
@@ -67,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     target = Path(args.output) if args.output else source.with_name("plan.json")
     names = [p.name for p in design.assembly.parts if not p.fixed]
     supports = names if args.supports == "all" else [n for n in args.supports.split(",") if n]
-    with console.stage("plan"):
+    with console.stage("plan") as doing:
         built = build_plan(
             design,
             cell,
@@ -75,6 +79,8 @@ def run(args: argparse.Namespace) -> int:
             friction=args.friction,
             supports=supports,
             seed=args.seed,
+            partial=args.partial,
+            progress=doing,
             design_path=os.path.relpath(source, target.parent),
         )
     wrong = []
@@ -90,7 +96,8 @@ def run(args: argparse.Namespace) -> int:
     for line in [*lines(built), *wrong[:10], *(f"wrote {w}" for w in written)]:
         console.say(line)
     console.say(console.times())
-    return console.finish(0 if written else 1, {**document(built), "findings": wrong, "files": written})
+    whole = written and all(r.placed for r in built.reports)
+    return console.finish(0 if whole else 1, {**document(built), "findings": wrong, "files": written})
 
 
 def lines(built: BuildPlan) -> list[str]:
@@ -108,12 +115,17 @@ def lines(built: BuildPlan) -> list[str]:
     for r in built.reports:
         if r.placed:
             cone, usable = np.rad2deg(r.cone_rad), np.rad2deg(r.usable_rad)
+            held = f"held over {1e3 * r.grasp_width_m:.1f} mm" if r.grasp_width_m else "held by the cup"
             out.append(
-                f"{r.part}: held over {1e3 * r.grasp_width_m:.1f} mm; {usable:.1f}° of its {cone:.1f}° cone usable; "
+                f"{r.part}: {held}; {usable:.1f}° of its {cone:.1f}° cone usable; "
                 f"{r.attempts} attempts, {r.seconds:.2f} s"
             )
         else:
             out.append(f"{r.part} cannot be placed ({r.attempts} attempts): {r.reasons}")
+    if built.reports:
+        x, y, z = built.cell.build_origin_m
+        yaw = np.rad2deg(built.cell.build_yaw_rad)
+        out.append(f"the structure stands at ({x:.3f}, {y:.3f}, {z:.3f}) m, turned by {yaw:.0f}°")
     if built.plan is not None:
         total = sum(m.path[-1].t for s in built.plan.steps for m in s.moves)
         out.append(f"{len(built.plan.steps)} parts, {total:.0f} s of motion")
@@ -123,7 +135,10 @@ def lines(built: BuildPlan) -> list[str]:
 def document(built: BuildPlan) -> dict[str, Any]:
     """Return what was planned, for programs; angles in radians."""
     return {
-        "planned": built.plan is not None,
+        "planned": built.plan is not None and all(r.placed for r in built.reports),
+        "steps": 0 if built.plan is None else len(built.plan.steps),
+        "origin_m": built.cell.build_origin_m.tolist(),
+        "yaw_deg": math.degrees(built.cell.build_yaw_rad),
         "parts": [dict(vars(r)) for r in built.reports],
         "falls": [{"part": f.part, "moving": list(f.moving)} for f in built.falls],
         "out_of_reach": list(built.out_of_reach),
