@@ -60,6 +60,8 @@ def lines(found: SequenceResult) -> list[str]:
         out.append(f"{k + 1:4d}  {p.part}: in along ({way}), up to {np.rad2deg(p.alpha_rad):.1f}° off{held}")
     if found.placements:
         held = f"{found.supports} supports, {found.holders} at once" if found.supports else "every state stands"
+        if found.supports:
+            held += "; no other order needs fewer" if found.fewest else "; another order may need fewer"
         return [*out, f"an order was found: {held} ({found.states} states examined)"]
     if found.obstacles:
         out = [f"{o.part} is barred by {', '.join(o.blockers[:6])}" for o in found.obstacles]
@@ -80,6 +82,7 @@ def document(found: SequenceResult) -> dict[str, Any]:
         ],
         "supports": found.supports,
         "holders": found.holders,
+        "fewest": found.fewest,
         "obstacles": [{"part": o.part, "blockers": list(o.blockers)} for o in found.obstacles],
         "falling": list(found.falling),
         "remaining": list(found.remaining),
