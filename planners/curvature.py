@@ -18,7 +18,8 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.sparse.linalg import LinearOperator, cg
 
 from mocca_robot.assembly import Array, BoolArray
-from mocca_robot.statics.blocks import Factor, PairBlocks
+from mocca_robot.statics.banded import Factor
+from mocca_robot.statics.blocks import PairBlocks
 from mocca_robot.statics.system import ContactSystem
 
 LARGE = 1200

@@ -9,6 +9,7 @@ from benchmarks.cases import Case, arch, dome, stack, wall
 from mocca_robot.assembly import Array
 from mocca_robot.errors import InputError, MoccaError
 from mocca_robot.statics.equilibrium import EquilibriumResult, Status, equilibrium, solve_system, verdict
+from mocca_robot.statics.face import on_face
 from mocca_robot.statics.friction import CONE_SOLVERS
 from mocca_robot.statics.interior_point import solve_interior_point
 from mocca_robot.statics.solvers import SOLVERS, kkt_residual
@@ -147,6 +148,35 @@ def test_stacked_load_cases_are_the_cases_one_by_one(uneven: Case) -> None:
     assert isinstance(together, list)
     for tilt, result in zip((0.0, 0.1, 0.2), together, strict=True):
         assert result.infeasibility == pytest.approx(solved(uneven, tilt_rad=tilt).infeasibility, rel=1e-6)
+
+
+@pytest.mark.parametrize("case", [arch(20), arch(20, 20), dome(36, 10), dome(36, 40)], ids=lambda c: c.name)
+def test_a_sweep_that_starts_each_load_from_the_last_gives_every_load_its_own_answer(case: Case) -> None:
+    # Neighbouring tilts in a row, then back upright, then the other way: kept faces and points must not mislead.
+    system = case.system
+    loads = np.array([system.scaled(case.wrenches(t)) for t in (*np.linspace(0.0, 0.3, 13), 0.0, -0.05, -0.1, -0.4)])
+    c = np.zeros(len(case.pairs))
+    motions, forces = solve_interior_point(system, loads, c)
+    for w, v, f in zip(loads, motions, forces, strict=True):
+        assert kkt_residual(system.matrix, w, c, v, f) < 1e-8
+        exact, _ = SOLVERS["clarabel"](system.matrix, w, c)
+        assert v @ v / (w @ w) == pytest.approx(exact @ exact / (w @ w), abs=1e-8)
+
+
+def test_a_face_is_refused_unless_exactly_its_rays_press() -> None:
+    system = stack(6, shift=0.3).system
+    blocks = system.blocks
+    w = system.scaled(stack(6, shift=0.3).wrenches())
+    _, f = solve_interior_point(system, w, np.zeros(len(system.pairs)))
+    pull, z = blocks.own_transposed(w) / np.linalg.norm(w), f[blocks.source] / np.linalg.norm(w)
+    pressing, c = z > 1e-6, np.zeros(len(z))
+    found = on_face(blocks, pull, c, z, pressing)
+    assert found is not None
+    assert blocks.forces(found) * np.linalg.norm(w) == pytest.approx(f, abs=1e-6 * np.linalg.norm(w))
+    unsupported, glued = pressing.copy(), np.ones_like(pressing)
+    unsupported[:4] = False  # the lowest contact: the stack would fall through it
+    assert on_face(blocks, pull, c, z, unsupported) is None
+    assert on_face(blocks, pull, c, z, glued) is None  # it topples: edges open that would have to be pulled
 
 
 # Cross-checks

@@ -12,16 +12,13 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import lapack
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from mocca_robot.assembly import Array, IntArray
-from mocca_robot.errors import MoccaError
+from mocca_robot.statics.banded import BandedLayout, Factor
 from mocca_robot.statics.system import ContactSystem
 
-
-class NotPositiveDefinite(MoccaError):
-    """Rounding has made a normal matrix indefinite."""
+ROWS_AT_ONCE = 12_000
+"""Rows of one bucket: with ten numbers a row they fit a megabyte."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +34,20 @@ class Bucket:
     pairs: IntArray
     rays: Array
     rows: slice
+
+    def times(self, relative: Array, out: Array) -> None:
+        """Set `out` (P·m,) to every ray times the relative motion of its pair, one of (all pairs, dof)."""
+        np.matmul(relative[self.pairs][:, None, :], self.rays, out=out.reshape(len(self.pairs), 1, -1))
+
+    def wrenches(self, y: Array) -> Array:
+        """Return (P, dof) the sum of every pair's rays times y (P·m,)."""
+        return np.asarray((self.rays @ y.reshape(len(self.pairs), -1, 1))[..., 0])
+
+    def gram(self, d: Array, room: Array | None = None) -> Array:
+        """Return (P, dof, dof) R_pᵀ diag(d) R_p for weights d (P·m,); `room` (dof·P·m or more,) is overwritten."""
+        weighted = None if room is None else room[: self.rays.size].reshape(self.rays.shape)
+        weighted = np.multiply(self.rays, d.reshape(len(self.pairs), 1, -1), out=weighted)
+        return np.asarray(weighted @ self.rays.transpose(0, 2, 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +98,8 @@ class PairBlocks:
         counts = np.diff(np.r_[new, len(keys)])
         stored = _round_up(counts // together) * together
         buckets, sources, used = [], [], 0
-        for m in np.unique(stored):
-            mine = np.flatnonzero(stored == m)
+        for mine in _groups(stored):
+            m = int(stored[mine[0]])
             # A pair with fewer rays repeats some of them: a repeated constraint changes nothing.
             take = new[mine, None] + np.arange(m) % counts[mine, None]
             transposed = np.ascontiguousarray(rays[take].transpose(0, 2, 1))
@@ -122,20 +133,21 @@ class PairBlocks:
 
     def times(self, u: Array) -> Array:
         """Return B u, (M,), for motions u (n,) about the common point."""
-        relative = self.relative(u)
-        if len(self.buckets) == 1:
-            return np.asarray((relative[:, None, :] @ self.buckets[0].rays).ravel())
-        out = np.empty(len(self.source))
+        out, relative = np.empty(len(self.source)), self.relative(u)
         for b in self.buckets:
-            out[b.rows] = (relative[b.pairs, None, :] @ b.rays).ravel()
+            b.times(relative, out[b.rows])
         return out
 
     def transposed_times(self, y: Array) -> Array:
         """Return Bᵀ y, (n,), for one number y (M,) a row."""
-        wrench = np.empty((len(self.first), self.dof))
+        wrenches = np.empty((len(self.first), self.dof))
         for b in self.buckets:
-            wrench[b.pairs] = (b.rays @ y[b.rows].reshape(len(b.pairs), -1, 1))[..., 0]
-        return np.asarray((self.incidence @ wrench).ravel())
+            wrenches[b.pairs] = b.wrenches(y[b.rows])
+        return self.gathered(wrenches)
+
+    def gathered(self, wrenches: Array) -> Array:
+        """Return (n,) the sum on every part of its pairs' wrenches (P, dof)."""
+        return np.asarray((self.incidence @ wrenches).ravel())
 
     def forces(self, z: Array) -> Array:
         """Return (C,) the force along every ray of the system from multipliers z (M,) of the rows."""
@@ -145,8 +157,7 @@ class PairBlocks:
         """Return (P, dof, dof) H_p = R_pᵀ diag(d) R_p for weights d (M,)."""
         out = np.empty((len(self.first), self.dof, self.dof))
         for b in self.buckets:
-            weighted = b.rays * d[b.rows].reshape(len(b.pairs), 1, -1)
-            out[b.pairs] = weighted @ b.rays.transpose(0, 2, 1)
+            out[b.pairs] = b.gram(d[b.rows])
         return out
 
     def own_transposed(self, w: Array) -> Array:
@@ -172,84 +183,21 @@ class PairBlocks:
         return self.band.factor(self.mass, gram)
 
 
-@dataclass(frozen=True, eq=False)
-class BandedLayout:
-    """Order of the free parts that keeps neighbours close (reverse Cuthill–McKee), and the places of all blocks.
-
-    Attributes:
-        position: (n,) place of every unknown in that order.
-        width: number of subdiagonals.
-        diagonal: (F, dof²) flat places of the diagonal blocks' entries in LAPACK's lower banded storage; an
-            entry above the diagonal goes to a spare place behind the matrix.
-        between: (Q, dof²) the same for the blocks between two free parts, `pairs` (Q,) in number.
-        share: (F, P) which pairs touch which free part.
-    """
-
-    position: IntArray
-    width: int
-    diagonal: IntArray
-    between: IntArray
-    pairs: IntArray
-    share: sp.csr_array
-
-    @classmethod
-    def of(cls, blocks: PairBlocks) -> BandedLayout:
-        n_free, dof = len(blocks.to_own), blocks.dof
-        inner = np.flatnonzero((blocks.first < n_free) & (blocks.second < n_free))
-        i, j = blocks.first[inner], blocks.second[inner]
-        graph = sp.csr_array((np.ones(2 * len(i)), (np.r_[i, j], np.r_[j, i])), shape=(n_free, n_free))
-        candidates = (np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True)), np.arange(n_free))
-        places = [np.argsort(order) for order in candidates]
-        place = min(places, key=lambda p: int(np.abs(p[i] - p[j]).max(initial=0)))
-        width = (int(np.abs(place[i] - place[j]).max(initial=0)) + 1) * dof - 1
-        spare = (width + 1) * n_free * dof
-        local = np.arange(dof)
-
-        def flat(row: IntArray, column: IntArray) -> IntArray:
-            r = place[row][:, None, None] * dof + local[:, None]
-            c = place[column][:, None, None] * dof + local
-            return np.where(r >= c, (r - c) + c * (width + 1), spare).reshape(len(row), dof * dof)
-
-        low, high = np.where(place[i] > place[j], i, j), np.where(place[i] > place[j], j, i)
-        position = (place[:, None] * dof + local).ravel()
-        share = sp.csr_array(abs(blocks.incidence))
-        return cls(position, width, flat(np.arange(n_free), np.arange(n_free)), flat(low, high), inner, share)
-
-    def factor(self, mass: Array, gram: Array) -> Factor:
-        """Return the Cholesky factor of the matrix with +H_p on, and −H_p off the diagonal, plus `mass`."""
-        n, dof = len(self.position), mass.shape[1]
-        storage = np.zeros((self.width + 1) * n + 1)
-        on = self.share @ gram.reshape(len(gram), -1) + mass.reshape(len(mass), -1)
-        storage[self.diagonal] = on
-        storage[self.between] = -gram[self.pairs].reshape(-1, dof * dof)
-        banded = storage[:-1].reshape(n, self.width + 1).T  # Fortran order, as LAPACK wants it
-        cholesky, info = lapack.dpbtrf(banded, lower=1, overwrite_ab=1)
-        if info != 0:
-            raise NotPositiveDefinite(f"The normal matrix of size {n} is not positive definite at pivot {info}.")
-        return Factor(cholesky, self.position)
-
-
-@dataclass(frozen=True, eq=False)
-class Factor:
-    """A banded Cholesky factor with the order of its unknowns."""
-
-    cholesky: Array
-    position: IntArray
-
-    def solve(self, right: Array) -> Array:
-        """Return the solution for one right-hand side (n,)."""
-        ordered = np.empty((len(right), 1), order="F")
-        ordered[self.position, 0] = right
-        solution, _ = lapack.dpbtrs(self.cholesky, ordered, lower=1, overwrite_b=1)
-        return np.asarray(solution[self.position, 0])
-
-
 def _round_up(counts: IntArray) -> IntArray:
     """Return counts rounded up to 1, 2, 3, 4, 6, 8, 12, 16, 24, …, or kept when all are the same."""
     if len(counts) and (counts == counts[0]).all():
         return counts
     sizes = np.unique([(2 + odd) << k for k in range(40) for odd in (0, 1)] + [1])
     return np.asarray(sizes[np.searchsorted(sizes, counts)])
+
+
+def _groups(stored: IntArray) -> list[IntArray]:
+    """Return the pairs of every row count, in groups of few enough rows for the processor's nearer caches."""
+    groups = []
+    for m in np.unique(stored):
+        mine = np.flatnonzero(stored == m)
+        groups += np.array_split(mine, max(1, -(-len(mine) * int(m) // ROWS_AT_ONCE)))
+    return groups
 
 
 def _about(rays: Array, offset: Array, length: float) -> Array:
@@ -279,6 +227,3 @@ def _shift(offset: Array, length: float) -> Array:
         y[:, 1, 3], y[:, 1, 5] = -x[:, 2], x[:, 0]
         y[:, 2, 3], y[:, 2, 4] = x[:, 1], -x[:, 0]
     return y
-
-
-__all__ = ["BandedLayout", "Bucket", "Factor", "NotPositiveDefinite", "PairBlocks"]

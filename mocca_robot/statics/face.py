@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mocca_robot.assembly import Array, BoolArray
-from mocca_robot.statics.blocks import NotPositiveDefinite, PairBlocks
+from mocca_robot.statics.banded import NotPositiveDefinite
+from mocca_robot.statics.blocks import PairBlocks
 
 PENALTY = 1e9
 """Weight of B v + c = 0 against ½|v|² in one solve; a few rounds make both exact."""

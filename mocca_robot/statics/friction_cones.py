@@ -13,16 +13,17 @@ import numpy as np
 
 from mocca_robot.assembly import Array
 from mocca_robot.statics import lorentz
-from mocca_robot.statics.blocks import NotPositiveDefinite, PairBlocks
+from mocca_robot.statics.banded import NotPositiveDefinite
+from mocca_robot.statics.blocks import PairBlocks
 from mocca_robot.statics.interior_point import (
     MAX_ITERATIONS,
-    NEARLY_BALANCED,
     SMALL_GAP,
     STALLED_AFTER,
-    TRY_AGAIN,
 )
 from mocca_robot.statics.solvers import SolverFailed
 
+NEARLY_BALANCED, TRY_AGAIN = 0.05, 0.2
+"""`_balanced` gets a try whenever the unbalanced share of the load falls to a fifth: below 0.01 for the first."""
 BALANCED = 1e-9
 """Unbalanced share of the load that proves equilibrium: three orders below the verdict's tolerance."""
 TOLERANCE = 1e-9

@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mocca_robot.assembly import Array, BoolArray
-from mocca_robot.statics.blocks import Factor, NotPositiveDefinite, PairBlocks
+from mocca_robot.statics.banded import NotPositiveDefinite
 from mocca_robot.statics.face import on_face
+from mocca_robot.statics.newton import Iterate, Point, Problem
 from mocca_robot.statics.solvers import SolverFailed
 from mocca_robot.statics.system import ContactSystem
 
@@ -26,12 +27,8 @@ SMALL_GAP = 1e-13
 """Gap to reach when E itself is tiny, so that √(2E) ≤ 1e-6 can be told from zero."""
 SHARE_OF_E = 1e-2
 """Gap to reach, relative to E, before 'not in equilibrium' is believed."""
-WEIGHT_LIMITS = (1e17, 1e13)
-"""Largest z/s; the second one is tried where the first leaves the matrix indefinite in double precision."""
-STEP = 0.995
-"""Share of the way to the boundary that a step goes."""
-NEARLY_BALANCED, TRY_AGAIN = 0.05, 0.2
-"""All rays are tried as pressing whenever the unbalanced share of the load falls to a fifth: below 0.01 first."""
+NEARLY_BALANCED, TRY_AGAIN = 6e-4, 0.1
+"""Unbalanced share of the load below which all rays are tried as pressing, and its fall after which again."""
 CLEAR, AMBIGUOUS = 10.0, 0.002
 """Which rays press is clear when z and s differ by more than this ratio, but for this share of the rays."""
 STALLED_AFTER, DIVERGED = 6, 1e4
@@ -42,29 +39,6 @@ NEAR_LOAD = 0.2
 """Distance of two loads of unit norm up to which the second starts from where the first came past."""
 GUESS_BELOW = 0.05
 """Gap below which pressing rays are guessed."""
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """One load of unit norm: pull (n,) about the common point, c (M,) the slack of every row of `blocks`."""
-
-    blocks: PairBlocks
-    pull: Array
-    c: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Point:
-    """Motion u (n,) about the common point, slacks s and multipliers z (M,) of the rows."""
-
-    u: Array
-    s: Array
-    z: Array
-
-    @property
-    def centre(self) -> float:
-        """Return μ, the mean of s ∘ z."""
-        return float(self.s @ self.z) / max(1, len(self.s))
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,46 +100,45 @@ def _solved(problem: Problem, kept: Kept | None) -> tuple[Array, float, Kept]:
             return found, 0.0, Kept(problem.pull, kept.point, found, kept.pressing)
     start = None if kept is None else kept.towards(problem.pull)
     recentred = None if start is None else _recentred(problem, start)
-    return _iterated(problem, recentred or _beginning(problem), recentred)
+    if recentred is not None:
+        return _iterated(problem, recentred, recentred.point())
+    return _iterated(problem, Iterate(problem, _beginning(problem)), None)
 
 
-def _iterated(problem: Problem, point: Point, past: Point | None) -> tuple[Array, float, Kept]:
-    """Iterate from `point` to the answer; results as of `_solved`. `past` is to be kept, if there is one already."""
-    blocks = problem.blocks
-    best, best_residual, stalled = point.z, np.inf, 0
-    last_try, guess_below = (0.0 if problem.c.any() else NEARLY_BALANCED), GUESS_BELOW
+def _iterated(problem: Problem, x: Iterate, past: Point | None) -> tuple[Array, float, Kept]:
+    """Iterate from x to the answer; results as of `_solved`. `past` is to be kept, if there is one already."""
+    best, best_residual, stalled = np.empty_like(x.z), np.inf, 0
+    try_below, guess_below = (0.0 if problem.c.any() else NEARLY_BALANCED), GUESS_BELOW
     for _ in range(MAX_ITERATIONS):
-        inertia = blocks.inertia_times(point.u)
-        unbalanced = problem.pull + blocks.transposed_times(point.z)  # Yᵀ(w + Bᵀz)
-        r_dual = inertia - unbalanced
-        r_primal = blocks.times(point.u) + problem.c - point.s
-        gap = float(point.s @ point.z)
-        error = max(float(np.linalg.norm(r_dual)), float(np.abs(r_primal).max(initial=0.0)))
-        reached = max(error, gap)
+        error = max(float(np.linalg.norm(x.inertia - x.unbalanced)), x.primal)
+        reached = max(error, x.gap)
         if reached < 0.9 * best_residual:
-            best, best_residual, stalled = point.z, reached, 0
+            best_residual, stalled = reached, 0
+            best[:] = x.z
         else:
             stalled += 1
         # Near equilibrium a gap of the size of E says nothing yet: E has to be told from zero.
-        enough = float(np.clip(SHARE_OF_E * 0.5 * (point.u @ inertia), SMALL_GAP, TOLERANCE))
-        if (error <= 4 * TOLERANCE and gap <= enough) or stalled > STALLED_AFTER or reached > DIVERGED * best_residual:
+        enough = float(np.clip(SHARE_OF_E * 0.5 * (x.u @ x.inertia), SMALL_GAP, TOLERANCE))
+        if error <= 4 * TOLERANCE and x.gap <= enough:
             break
-        if past is None and gap <= KEEP_AT * len(point.s):
-            past = point
+        if stalled > STALLED_AFTER or reached > DIVERGED * best_residual:
+            break
+        if past is None and x.gap <= KEEP_AT * len(x.s):
+            past = x.point()
         pressing: BoolArray | None = None
-        left = float(np.linalg.norm(unbalanced))
-        if left < TRY_AGAIN * last_try:
-            last_try, pressing = left, np.ones(len(point.z), dtype=np.bool_)
-        elif gap < guess_below:
-            ratio = point.z / point.s
+        left = float(np.linalg.norm(x.unbalanced))
+        if left < try_below:
+            try_below, pressing = TRY_AGAIN * left, np.ones(len(x.z), dtype=np.bool_)
+        elif x.gap < guess_below:
+            ratio = x.z / x.s
             if float(((ratio > 1.0 / CLEAR) & (ratio < CLEAR)).mean()) <= AMBIGUOUS:
-                guess_below, pressing = 0.1 * gap, ratio > 1.0
+                guess_below, pressing = 0.1 * x.gap, ratio > 1.0
         if pressing is not None:
-            found = on_face(blocks, problem.pull, problem.c, point.z, pressing)
+            found = on_face(problem.blocks, problem.pull, problem.c, x.z, pressing)
             if found is not None:
                 return found, 0.0, Kept(problem.pull, past, found, pressing)
         try:
-            point = _newton_step(problem, point, r_dual, r_primal)
+            x.step()
         except NotPositiveDefinite:
             break
     return best, best_residual, Kept(problem.pull, past)
@@ -178,77 +151,12 @@ def _beginning(problem: Problem) -> Point:
     return Point(np.zeros_like(problem.pull), slacks, np.full(len(slacks), weight))
 
 
-def _recentred(problem: Problem, point: Point) -> Point | None:
+def _recentred(problem: Problem, point: Point) -> Iterate | None:
     """Return one step from `point`, on the central path of another load, to that of this one; None if it is far."""
-    r_dual = problem.blocks.inertia_times(point.u) - problem.pull - problem.blocks.transposed_times(point.z)
-    r_primal = problem.blocks.times(point.u) + problem.c - point.s
+    x = Iterate(problem, point)
+    before = x.gap
     try:
-        centred = _newton_step(problem, point, r_dual, r_primal, along=False)
+        x.step(centre=KEEP_AT)
     except NotPositiveDefinite:
         return None
-    return centred if centred.centre < 10.0 * point.centre else None
-
-
-def _newton_step(problem: Problem, point: Point, r_dual: Array, r_primal: Array, along: bool = True) -> Point:
-    """Return the next point: one predictor–corrector step, or only back to the central path unless `along`.
-
-    A direction solves YᵀY du − Bᵀdz = −r_dual, ds = B du + r_primal, dz = −target − D ds. Raises
-    NotPositiveDefinite when rounding leaves no factor.
-    """
-    blocks, s, z = problem.blocks, point.s, point.z
-    d = z / s
-    mu = point.centre if along else KEEP_AT
-    factor = _factor(blocks, d)
-    base = -r_dual - blocks.transposed_times(d * r_primal)
-
-    def direction(target: Array) -> tuple[Array, Array, Array]:
-        du = factor.solve(base - blocks.transposed_times(target))
-        ds = blocks.times(du) + r_primal
-        return du, ds, -target - d * ds
-
-    if along:
-        # Predictor, straight for s∘z = 0; the corrector goes as far towards the path as the predictor got along it.
-        _, ds, dz = direction(z)
-        reach = min(1.0, _longest(s, ds), _longest(z, dz))
-        mu *= (1.0 - reach + reach**2 * float(ds @ dz) / (mu * len(s))) ** 3
-        du, ds, dz = direction(z - (mu - ds * dz) / s)
-    else:
-        du, ds, dz = direction(z - mu / s)
-    length = STEP * min(_longest(s, ds), _longest(z, dz))
-    if length < 1.0:
-        # Gondzio: where a longer step would leave the products s∘z far from μ, bring them back; once.
-        ahead = min(1.0, 1.3 * length + 0.1)
-        products = (s + ahead * ds) * (z + ahead * dz)
-        missing = np.maximum(np.clip(products, 0.1 * mu, 10.0 * mu) - products, -10.0 * mu) / s
-        more = factor.solve(blocks.transposed_times(missing))
-        change = blocks.times(more)
-        ds_more, dz_more = ds + change, dz + missing - d * change
-        longer = STEP * min(_longest(s, ds_more), _longest(z, dz_more))
-        if longer >= min(1.0, length + 0.01):
-            du, ds, dz, length = du + more, ds_more, dz_more, longer
-    if d.max() > 1e7:
-        # D spans twenty orders of magnitude: one step of refinement keeps the stationarity at rounding level.
-        rest = blocks.inertia_times(du) - blocks.transposed_times(dz) + r_dual
-        more = factor.solve(-rest)
-        change = blocks.times(more)
-        du, ds, dz = du + more, ds + change, dz - d * change
-        length = STEP * min(_longest(s, ds), _longest(z, dz))
-    length = min(1.0, length)
-    return Point(point.u + length * du, s + length * ds, z + length * dz)
-
-
-def _factor(blocks: PairBlocks, d: Array) -> Factor:
-    """Return the factor for weights d, which are limited in place where need be."""
-    for limit in WEIGHT_LIMITS:
-        np.minimum(d, limit, out=d)
-        try:
-            return blocks.factor(blocks.gram(d))
-        except NotPositiveDefinite:
-            continue
-    raise NotPositiveDefinite("Weights of all sizes leave the normal matrix indefinite.")
-
-
-def _longest(x: Array, dx: Array) -> float:
-    """Return the largest step with x + step·dx ≥ 0."""
-    steepest = float((dx / x).min(initial=0.0))
-    return -1.0 / steepest if steepest < 0.0 else np.inf
+    return x if x.gap < 10.0 * before else None
