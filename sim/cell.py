@@ -213,10 +213,11 @@ class SimulatedCell:
         return self.poses[part]
 
     def hold_key(self, parts: Sequence[int]) -> None:
-        """Hold parts in the finished structure that its design asks to be held."""
-        self._held |= set(parts)
-        self._free -= set(parts)
-        self._supported -= set(parts)
+        """Hold those of `parts` that are built: the design of the finished structure asks for it."""
+        there = set(parts) & (self._held | self._free)
+        self._held |= there
+        self._free -= there
+        self._supported -= there
 
     def _enter(self, moment: Moment) -> None:
         """Compile the model of a moment and take the present state over into it."""
@@ -585,6 +586,8 @@ class SimulatedCell:
         if self._cup is None or not self._data.eq_active[self._cup] or not isinstance(gripper, SuctionGripper):
             return
         rows = np.flatnonzero((self._data.efc_id == self._cup) & (self._data.efc_type == 0))[:3]
+        if len(rows) < 3:
+            return  # not stepped since it took hold
         force = -self._data.efc_force[rows]  # MuJoCo's acts on the flange
         axis = self._data.xmat[self._flange].reshape(3, 3)[:, 2]
         along = float(force @ axis)

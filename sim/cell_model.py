@@ -199,7 +199,7 @@ def _add_part(spec: Any, place: Workplace, index: int, pose: Pose, loose: bool, 
         # Its nest carries it until the fingers do.
         body.gravcomp = 1.0 if moving and waits else 0.0
     centre = embed(part.centroid)
-    travels = moving and place.assembly.dimension == 3
+    travels = moving and waits and place.assembly.dimension == 3
     for n, skin in enumerate(place.skins[index]):
         name = f"skin {part.name} {n}"
         mesh = spec.add_mesh(name=name, uservert=(skin.points - centre).ravel())
