@@ -331,7 +331,7 @@ def rehearse(
             arm.time_s,
             time.perf_counter() - started,
             place,
-            tuple(arm.frames),
+            arm.frames,
             tuple(log.chapters),
         )
 

@@ -11,8 +11,9 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+import trimesh
 
-from mocca_robot.assembly import Assembly, Part, Polygon
+from mocca_robot.assembly import Assembly, Mesh, Part, Polygon
 from mocca_robot.cli import main
 from mocca_robot.contacts import find_contacts
 from mocca_robot.design import Design, Insertion
@@ -38,6 +39,11 @@ QUICK = Options(speed=4.0)
 def block(name: str, x: float, y: float, w: float, h: float, fixed: bool = False) -> Part:
     corners = np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
     return Part(name, Polygon(corners), fixed=fixed)
+
+
+def brick(low: float, high: float, width: float) -> Mesh:
+    box = trimesh.creation.box(bounds=[[-width / 2, -width / 2, low], [width / 2, width / 2, high]])
+    return Mesh(box.vertices, box.faces)
 
 
 def pile(overhang: float = -0.03) -> Design:
@@ -101,6 +107,20 @@ def test_pads_without_grip_lose_the_part_and_the_build_ends_there() -> None:
     assert not result.succeeded and result.whole is None
     assert part.status is not ExecutionStatus.SUCCEEDED or part.standing is None or not part.standing.stands
     assert part.slip_m is None or part.slip_m > 1e-3
+
+
+def test_a_cup_carries_what_its_vacuum_holds_and_drops_what_it_does_not() -> None:
+    cup = replace(read_cell(ROOT / "configs" / "cells" / "ur10e_suction.yaml"), build_size_m=None)
+    bricks = (Part("base", brick(0.0, 0.05, 0.14), fixed=True), Part("lid", brick(0.05, 0.1, 0.1)))
+    down = (Insertion("lid", np.array([0.0, 0.0, -1.0]), float(np.deg2rad(60))),)
+    assembly = Assembly("bricks", bricks, alpha_rad=np.deg2rad(10))
+    design = Design(assembly, assembly, (), down, ())
+    built = build_plan(design, cup, "0" * 64)
+    assert built.plan is not None, [r.reasons for r in built.reports]
+    result = rehearse(built.plan, design, QUICK)
+    assert result.succeeded and result.parts[0].held is True, result.parts
+    slack = rehearse(built.plan, design, replace(QUICK, pad_friction=0.01))
+    assert slack.parts[0].status is ExecutionStatus.DEVIATED and "the cup let go" in slack.parts[0].detail
 
 
 def test_errors_in_the_tray_are_drawn_from_the_seed() -> None:
