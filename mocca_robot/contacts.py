@@ -38,7 +38,8 @@ def require_sound(assembly: Assembly, report: ContactReport) -> None:
         )
     if report.overlaps:
         worst = max(report.overlaps, key=lambda o: o.depth_m)
-        others = f" ({len(report.overlaps) - 1} more pairs overlap)" if len(report.overlaps) > 1 else ""
+        more = len(report.overlaps) - 1
+        others = f" ({more} more pair{' overlaps' if more == 1 else 's overlap'})" if more else ""
         raise InputError(
             f"Parts '{worst.parts[0]}' and '{worst.parts[1]}' overlap by {worst.depth_m * 1e3:.4g} mm; "
             f"parts may touch but not penetrate.{others}"

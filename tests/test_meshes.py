@@ -9,6 +9,7 @@ from solids import box
 from mocca_robot.assembly import Mesh
 from mocca_robot.errors import InputError
 from mocca_robot.files.meshes import read_mesh, read_parts, repaired, write_glb, write_part, write_parts
+from mocca_robot.files.model import read_model
 from mocca_robot.generators import generate
 
 CUBE = box((0, 0, 0), (0.1, 0.2, 0.3))
@@ -96,9 +97,38 @@ def test_repairs_are_made_and_said():
     assert "two equal corners" in notes[0]
 
 
-def test_an_open_mesh_is_refused_with_the_number_of_open_edges():
-    with pytest.raises(InputError, match="'lid' is not closed: 3 of its edges"):
-        repaired("lid", CUBE.vertices, CUBE.faces[1:])
+def test_an_open_mesh_is_refused_with_the_number_of_open_edges_and_where():
+    corner = np.flatnonzero((CUBE.faces == 0).any(axis=1))
+    assert len(corner) >= 4, "a hole around a corner can be closed in many ways"
+    rest = np.delete(CUBE.faces, corner, axis=0)
+    with pytest.raises(InputError, match=r"'lid' is not closed: \d+ of its edges .* near \(.*guessing"):
+        repaired("lid", CUBE.vertices, rest)
+
+
+@pytest.mark.parametrize("missing", range(12))
+def test_a_missing_triangle_is_put_back_and_said(missing):
+    mesh, notes = repaired("lid", CUBE.vertices, np.delete(CUBE.faces, missing, axis=0))
+    assert mesh.volume == pytest.approx(CUBE.volume, rel=1e-12)
+    assert notes == ("1 triangle added to close a hole",)
+
+
+def test_a_missing_face_of_a_box_is_closed_but_not_a_bent_hole():
+    flat = CUBE.vertices[CUBE.faces]
+    top = np.isclose(flat[:, :, 2], CUBE.bounds[1, 2]).all(axis=1)
+    mesh, notes = repaired("box", CUBE.vertices, CUBE.faces[~top])
+    assert mesh.volume == pytest.approx(CUBE.volume, rel=1e-12)
+    assert "2 triangles added" in notes[0]
+    bent = np.array(CUBE.vertices)
+    bent[np.flatnonzero(np.isclose(bent[:, 2], bent[:, 2].max()))[0], 2] *= 1.2
+    with pytest.raises(InputError, match="is not closed: 4"):
+        repaired("box", bent, CUBE.faces[~top])
+
+
+def test_a_size_that_is_meant_is_said_to_be(tmp_path):
+    write_part(Mesh(CUBE.vertices * 1e4, CUBE.faces), tmp_path / "big.obj")
+    with pytest.raises(InputError, match="write 'scale: 1'"):
+        read_model(tmp_path / "big.obj", "m", None)
+    assert read_model(tmp_path / "big.obj", "m", 1.0).assembly.parts[0].shape.volume > 1e9
 
 
 def test_a_flat_mesh_is_refused():

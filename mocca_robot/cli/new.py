@@ -121,7 +121,7 @@ def _of_parts(
     from mocca_robot.files import starter
     from mocca_robot.files.model import read_model
 
-    model = read_model(source.path, units, 1.0)
+    model = read_model(source.path, units, None)
     parts = model.assembly.parts
     parts_from = {"model": inside, **({"units": units} if units else {})}
     chosen: dict[str, Any] = {}

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from sim.questions import Questions
 
 INTERRUPTED = 130
+HOLDS = 1e-12
+"""E/|w|² up to which the designer counts a load case as held."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,6 +184,8 @@ def interrupted(result: Designed, files: Mapping[str, Path], folder: Path, conso
     curved = sum(not j.is_planar for j in result.design.joints)
     holds = "every load case holds, with more curved joints than may be needed"
     short = f"E/|w|² is still {worst.infeasibility_after:.2g} ({case_words(worst.name)})"
+    if worst.infeasibility_after <= HOLDS:
+        short = "every load case holds, but not yet with the insertion cones and the room that joints must keep"
     console.say(f"Interrupted during '{result.interrupted}': {holds if result.achieved else short}.")
     console.say(f"{files['design']} holds the {curved} curved joints as far as they were found; nothing was verified.")
     progress = folder / PROGRESS_FILE

@@ -136,13 +136,13 @@ def _top_level(written: Mapping[str, Any], where: str, unit_m: float) -> dict[st
 
 
 def _model(given: Mapping[str, Any], written: Mapping[str, Any], folder: Path, where: str) -> Model:
-    units, scale = given.get("units"), given.get("scale", 1.0)
+    units, scale = given.get("units"), given.get("scale")
     if "model" in given and "generator" in given:
         raise InputError(f"{where} has both 'model' and 'generator'; keep the one that makes the parts.")
     if "generator" in given:
         if units not in (None, "m"):
             raise InputError(f"{where}: generators work in metres, but units is '{units}'; remove 'units'.")
-        return generated(given["generator"], folder, scale, f"{where}: generator")
+        return generated(given["generator"], folder, 1.0 if scale is None else scale, f"{where}: generator")
     if "model" not in given:
         raise InputError(f"{where} names no parts; add 'model: FILE' or 'generator: {{kind: …}}'.")
     target = folder / given["model"]

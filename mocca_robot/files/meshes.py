@@ -16,6 +16,8 @@ METRES_PER = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 
 FORMATS = ("obj", "stl", "ply", "3mf", "glb")
 SMALLEST_PART_M, LARGEST_M = 5e-4, 500.0
 """Sizes outside are more often a wrong unit than a real structure."""
+FLAT = 1.0 - 1e-9
+"""Cosine between two triangles from which they count as one plane."""
 LARGEST_FILE = 256 * 1024 * 1024
 """Bytes of one file; ten million triangles are far more than a part needs."""
 
@@ -72,9 +74,9 @@ def read_mesh(path: Path, units: str | None = None, *, any_size: bool = False) -
 def repaired(name: str, vertices: Array, faces: IntArray) -> tuple[Mesh, tuple[str, ...]]:
     """Return a closed, outward mesh and a note per repair made.
 
-    Repairs are those that cannot change the shape: equal corners welded, triangles without area removed,
-    triangles turned so that neighbours agree, the whole turned right side out. Raises InputError with the
-    number of open edges when the surface does not close.
+    Repairs are those that leave no choice of shape: equal corners welded, triangles without area removed, holes of
+    three corners or four in a plane closed, triangles turned so that neighbours agree, the whole turned right side
+    out. Raises InputError with the number of open edges when the surface does not close.
     """
     notes: list[str] = []
     if len(faces) == 0 or not np.isfinite(vertices).all():
@@ -94,10 +96,17 @@ def repaired(name: str, vertices: Array, faces: IntArray) -> tuple[Mesh, tuple[s
     vertices, faces = vertices[used], faces.reshape(-1, 3)
     open_edges = count_open_edges(faces)
     if open_edges:
-        raise InputError(
-            f"Part '{name}' is not closed: {open_edges} of its edges do not join exactly two triangles; "
-            "close the surface (in Blender: Select Non Manifold, Fill) and export it again."
-        )
+        patched = _patched(vertices, faces)
+        if patched is None:
+            where = ", ".join(f"{x:.4g}" for x in vertices[_open_edge(faces)].mean(axis=0))
+            raise InputError(
+                f"Part '{name}' is not closed: {open_edges} of its edges do not join exactly two triangles, one "
+                f"near ({where}) m. Only holes of three corners, or four in a plane, are closed here without guessing; "
+                "close the surface (in Blender: Select Non Manifold, Fill) and export it again."
+            )
+        added = len(patched) - len(faces)
+        notes.append(f"{added} triangle{'s' * (added > 1)} added to close a hole")
+        faces = patched
     if not _consistent(faces):
         import trimesh
 
@@ -132,6 +141,37 @@ def count_open_edges(faces: IntArray) -> int:
     return int((count % 2 == 1).sum())
 
 
+def _open_edge(faces: IntArray) -> IntArray:
+    """Return the two corners of an edge that does not belong to an even number of triangles."""
+    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    single, count = np.unique(edges, axis=0, return_counts=True)
+    return np.asarray(single[count % 2 == 1][0], dtype=np.int64)
+
+
+def _patched(vertices: Array, faces: IntArray) -> IntArray | None:
+    """Return faces with the holes closed whose filling is not a guess; None when others are left."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    trimesh.repair.fill_holes(mesh)
+    filled = np.asarray(mesh.faces, dtype=np.int64)
+    if len(mesh.vertices) != len(vertices) or count_open_edges(filled):
+        return None
+    added = filled[len(faces) :]
+    corners = vertices[added]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1)
+    if not (length > 0.0).all():
+        return None
+    normals /= length[:, None]
+    for a in range(len(added)):
+        for b in range(a):
+            neighbours = len(set(added[a].tolist()) & set(added[b].tolist())) >= 2
+            if neighbours and abs(float(normals[a] @ normals[b])) < FLAT:
+                return None
+    return filled
+
+
 def _consistent(faces: IntArray) -> bool:
     """Return whether every directed edge occurs as often as its reverse."""
     edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
@@ -153,7 +193,7 @@ def _check_scale(parts: Sequence[NamedMesh], path: Path) -> None:
     whole = float(np.ptp(bounds.reshape(-1, 3), axis=0).max())
     sizes = np.linalg.norm(bounds[:, 1] - bounds[:, 0], axis=1)
     smallest = int(sizes.argmin())
-    remedy = f"check 'units' (one of {', '.join(METRES_PER)}), or allow any size if it is meant"
+    remedy = f"check 'units' (one of {', '.join(METRES_PER)}); if this size is meant, write 'scale: 1'"
     if whole > LARGEST_M:
         raise InputError(f"{path}: the model is {whole:,.0f} m across, the limit is {LARGEST_M:g} m; {remedy}.")
     if sizes[smallest] < SMALLEST_PART_M:

@@ -37,22 +37,25 @@ class Model:
     notes: tuple[str, ...] = ()
 
 
-def read_model(path: Path, units: str | None, scale: float) -> Model:
+def read_model(path: Path, units: str | None, scale: float | None) -> Model:
     """Return the parts in a drawing, an assembly or design file, a mesh file or a folder of meshes.
 
-    `units` is required where the file says none, and has to agree where it does. Raises InputError.
+    `units` is required where the file says none, and has to agree where it does. Meshes of a size that looks like a
+    wrong unit are refused unless somebody gave a `scale`, 1 included. Raises InputError.
     """
     existing_path(path)
+    meant = scale is not None
+    scale = 1.0 if scale is None else scale
     suffix = path.suffix.lower().lstrip(".")
     if path.is_dir():
         design = path / "design.json"
-        return _from_json(design, units, scale) if design.is_file() else _from_meshes(path, units, scale)
+        return _from_json(design, units, scale) if design.is_file() else _from_meshes(path, units, scale, meant)
     if suffix == "svg":
         return _from_svg(path, units, scale)
     if suffix == "json":
         return _from_json(path, units, scale)
     if suffix in MODEL_FILES:
-        return _from_meshes(path, units, scale)
+        return _from_meshes(path, units, scale, meant)
     known = ", ".join(f".{m}" for m in MODEL_FILES)
     raise InputError(f"'{path}' ends in '.{suffix}', which is no model; use one of {known}, or a folder of meshes.")
 
@@ -140,11 +143,11 @@ def _require_same_unit(where: str, unit: str, declared: str | None) -> None:
         raise InputError(f"{where} is in {unit}, but the configuration says units: {declared}; remove one of the two.")
 
 
-def _from_meshes(path: Path, units: str | None, scale: float) -> Model:
+def _from_meshes(path: Path, units: str | None, scale: float, any_size: bool) -> Model:
     from mocca_robot.files.meshes import read_parts
 
     try:
-        meshes = read_parts(path, units, any_size=scale != 1.0)
+        meshes = read_parts(path, units, any_size=any_size)
     except (OSError, UnicodeError, RecursionError, MemoryError, np.linalg.LinAlgError) as error:
         raise InputError(f"'{path}' cannot be read: {error}; export it again.") from None
     parts = tuple(Part(m.name, m.mesh) for m in meshes)

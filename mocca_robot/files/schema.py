@@ -144,7 +144,15 @@ KEYS: tuple[Key, ...] = (
         "Unit of the model's numbers and of the lengths in this file; default: what the model itself says.",
         known=tuple(checks.UNITS_M),
     ),
-    Key("scale", "number", 1.0, "", "Factor on the model's size.", above=0.0, high=1e6),
+    Key(
+        "scale",
+        "number",
+        1.0,
+        "",
+        "Factor on the model's size; 1, written down, also says that an unusual size is meant.",
+        above=0.0,
+        high=1e6,
+    ),
     Key("fixed", "names", None, "", "Parts that stand on the ground; replaces what the model says."),
     Key("sequence", "names", None, "", "Every free part in the order of assembly; default: the order of the model."),
     Key(
