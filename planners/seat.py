@@ -71,15 +71,18 @@ def seats(
             looked += 1
             if looked > LOOKED_AT:
                 return
-            seat = _seat(bench, name, grasp, flanges[k], q, direction, reasons)
-            bench.scene.place(name, bench.waiting(name))
-            if seat is not None:
+            for seat in _seated(bench, name, grasp, flanges[k], q, direction, reasons):
+                bench.scene.place(name, bench.waiting(name))
                 yield seat
+            bench.scene.place(name, bench.waiting(name))
 
 
-def _seat(
+def _seated(
     bench: Bench, name: str, grasp: GraspPose, flange: Array, q: Array, direction: Array, reasons: dict[str, int]
-) -> Seat | None:
+) -> Iterator[Seat]:
+    """Yield the seat with the shortest way in that begins clear of everything, and then, should no transit lead there,
+    the one with the longest.
+    """
     opened, closed = grasp.width_m + bench.cell.gripper.opening_m, grasp.width_m
     scene = bench.scene
     scene.place(name, np.eye(4))
@@ -88,7 +91,7 @@ def _seat(
         reason = bench.free(q, opening)
         if reason:
             count(reasons, f"seat: {reason}")
-            return None
+            return
     tool = flange[:3, 2]
     retreat = None
     for distance in RETREATS_M:
@@ -98,18 +101,35 @@ def _seat(
             break
     if retreat is None:
         count(reasons, f"retreat: {reason}")
-        return None
-    grip = np.asarray(np.linalg.inv(flange), dtype=np.float64)
+        return
+    shortest = 0.0
     for distance in STANDOFFS_M:
-        joints, reason = trace(bench.cell.model, line(flange, -distance * direction, 30), q)
+        q_before, reason = _way_in(bench, name, flange, q, distance * direction, closed)
         if not reason:
-            scene.roles(carried=name)
-            reason = bench.free(joints[-1], closed, grip)
+            shortest = distance
+            yield Seat(grasp, flange, q, distance, q_before, retreat)
+            break
+    else:
+        count(reasons, f"insertion: {reason}")
+        return
+    for distance in reversed(STANDOFFS_M):
+        if distance <= shortest:
+            return
+        q_before, reason = _way_in(bench, name, flange, q, distance * direction, closed)
         if not reason:
-            # On the way in the part's own fit is judged by its exact sweep: here it is left out.
-            scene.roles(absent=(name,))
-            reason = next((r for x in joints if (r := bench.free(x, closed))), "")
-        if not reason:
-            return Seat(grasp, flange, q, distance, joints[-1], retreat)
-    count(reasons, f"insertion: {reason}")
-    return None
+            yield Seat(grasp, flange, q, distance, q_before, retreat)
+            return
+
+
+def _way_in(bench: Bench, name: str, flange: Array, q: Array, travel: Array, closed: float) -> tuple[Array, str]:
+    """Return the joints where the way in of length `travel` begins, and '' or what is wrong with it."""
+    grip = np.asarray(np.linalg.inv(flange), dtype=np.float64)
+    joints, reason = trace(bench.cell.model, line(flange, -travel, 30), q)
+    if not reason:
+        bench.scene.roles(carried=name)
+        reason = bench.free(joints[-1], closed, grip)
+    if not reason:
+        # On the way in the part's own fit is judged by its exact sweep: here it is left out.
+        bench.scene.roles(absent=(name,))
+        reason = next((r for x in joints if (r := bench.free(x, closed))), "")
+    return joints[-1], reason

@@ -20,10 +20,10 @@ EDGE_STEP_RAD = 0.007
 """Largest turn of a joint between two checks of an edge: 7 mm for a part one metre from the axis."""
 SEARCH_STEP_RAD = 0.02
 """The same in the search, Euclidean over all joints; what it finds is checked again at `EDGE_STEP_RAD`."""
-MARGIN_RAD = 1.3
-"""How far beyond the two ends, joint by joint, the search may go."""
-CHECKS = 6000
-"""Collision checks after which the search gives up."""
+MARGINS_RAD = (1.3, 3.0)
+"""How far beyond the two ends, joint by joint, the search may go, and may go when that led nowhere."""
+CHECKS = 4000
+"""Collision checks after which each search gives up."""
 
 Free = Callable[[Array], bool]
 
@@ -39,7 +39,8 @@ def edge_free(a: Array, b: Array, free: Free) -> bool:
 
 
 def connect(start: Array, goal: Array, free: Free, limit: Array, seed: int, checks: int = CHECKS) -> list[Array] | None:
-    """Return corners of a free path from `start` to `goal` in joint space, or None after `checks` collision checks.
+    """Return corners of a free path from `start` to `goal` in joint space, or None when two searches of
+    `checks` collision checks found none.
 
     `limit` (6,) is the largest |q|; `seed` decides the samples. InputError when OMPL is not installed.
     """
@@ -47,15 +48,14 @@ def connect(start: Array, goal: Array, free: Free, limit: Array, seed: int, chec
         return None
     if edge_free(start, goal, free):
         return [start, goal]
-    low = np.maximum(np.minimum(start, goal) - MARGIN_RAD, -limit)
-    high = np.minimum(np.maximum(start, goal) + MARGIN_RAD, limit)
-    for attempt in range(2):
+    for attempt, margin in enumerate(MARGINS_RAD):
+        low = np.maximum(np.minimum(start, goal) - margin, -limit)
+        high = np.minimum(np.maximum(start, goal) + margin, limit)
         found = _search(start, goal, free, (low, high), seed + attempt, checks)
-        if found is None:
-            return None
-        corners = shortened(found, free)
-        if all(edge_free(a, b, free) for a, b in itertools.pairwise(corners)):
-            return corners
+        if found is not None:
+            corners = shortened(found, free)
+            if all(edge_free(a, b, free) for a, b in itertools.pairwise(corners)):
+                return corners
     return None
 
 
