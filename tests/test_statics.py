@@ -297,6 +297,16 @@ def test_refusals_name_what_is_wrong(uneven: Case) -> None:
         equilibrium(good[0], good[1], 2 * good[2], good[3])
     with pytest.raises(InputError, match="pairs name part"):
         equilibrium(good[0] + 100, *good[1:])
+    with pytest.raises(InputError, match="part 37, but there are parts 0 … 36"):
+        equilibrium(*good, fixed=[0, 37])
+    with pytest.raises(InputError, match=r"shape \(5,\)"):
+        equilibrium(*good, fixed=np.ones(5, dtype=np.bool_))
+    with pytest.raises(InputError, match="Contact 0 is between part 2 and itself"):
+        equilibrium(np.full_like(good[0], 2), *good[1:])
+    with pytest.raises(InputError, match="about"):
+        equilibrium(*good, about=uneven.centroids[1:])
+    with pytest.raises(InputError, match="unit of length"):
+        equilibrium(*good, length=0.0)
     with pytest.raises(InputError, match="Friction"):
         equilibrium(*good, friction=-0.1)
     with pytest.raises(InputError, match="clarabel"):

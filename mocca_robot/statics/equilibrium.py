@@ -75,7 +75,8 @@ def equilibrium(
         about, length: reference points (N, d) and length unit of the measure E; see `ContactSystem`.
         solver: 'auto', 'interior_point' (our own), or a name in `mocca_robot.statics.solvers.SOLVERS`.
 
-    Raises InputError for shapes that do not fit or numbers that are not finite.
+    Raises InputError for shapes that do not fit, numbers that are not finite, unknown parts, and normals that are
+    not of unit length.
     """
     wrenches = np.asarray(wrenches, dtype=np.float64)
     points = np.asarray(points, dtype=np.float64)
@@ -86,8 +87,7 @@ def equilibrium(
         raise InputError("External wrenches must be finite numbers.")
     if friction < 0 or not np.isfinite(friction):
         raise InputError(f"Friction coefficient {friction} is not a number ≥ 0.")
-    free = np.ones(wrenches.shape[-2], dtype=np.bool_)
-    free[np.asarray(fixed, dtype=np.bool_ if np.asarray(fixed).dtype == np.bool_ else np.int64)] = False
+    free = ~_mask_of(fixed, wrenches.shape[-2])
     stacked = wrenches if wrenches.ndim == 3 else wrenches[None]
     if friction > 0:
         from mocca_robot.statics.friction import equilibrium_with_friction
@@ -99,6 +99,22 @@ def equilibrium(
         system = ContactSystem.build(pairs, points, normals, free, about, length)
         results = _stacked(system, system.scaled(stacked), solver)
     return results if wrenches.ndim == 3 else results[0]
+
+
+def _mask_of(fixed: Sequence[int] | BoolArray, n_parts: int) -> BoolArray:
+    """Return (N,) which parts are fixed. Raises InputError for a mask of another length and for unknown parts."""
+    given = np.asarray(fixed)
+    if given.dtype == np.bool_:
+        if given.shape != (n_parts,):
+            raise InputError(f"The mask 'fixed' has shape {given.shape}; wrenches are given for {n_parts} parts.")
+        return given
+    numbers = given.astype(np.int64).ravel()
+    if ((numbers < 0) | (numbers >= n_parts)).any():
+        wrong = int(numbers[(numbers < 0) | (numbers >= n_parts)][0])
+        raise InputError(f"'fixed' names part {wrong}, but there are parts 0 … {n_parts - 1} only.")
+    mask = np.zeros(n_parts, dtype=np.bool_)
+    mask[numbers] = True
+    return mask
 
 
 def solve_system(

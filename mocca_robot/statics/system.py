@@ -64,7 +64,11 @@ class ContactSystem:
                 "(C, 2), (C, d) and (C, d) with d = 2 or 3."
             )
         if len(pairs) and (pairs.min() < 0 or pairs.max() >= n_parts):
-            raise InputError(f"pairs name part {pairs.max()}, but there are parts 0 … {n_parts - 1} only.")
+            wrong = pairs[(pairs < 0) | (pairs >= n_parts)][0]
+            raise InputError(f"pairs name part {wrong}, but there are parts 0 … {n_parts - 1} only.")
+        if (pairs[:, 0] == pairs[:, 1]).any():
+            own = int(np.flatnonzero(pairs[:, 0] == pairs[:, 1])[0])
+            raise InputError(f"Contact {own} is between part {pairs[own, 0]} and itself; a contact has two parts.")
         if not (np.isfinite(points).all() and np.isfinite(normals).all()):
             raise InputError("Contact points and normals must be finite numbers.")
         lengths = np.linalg.norm(normals, axis=1)
@@ -72,6 +76,10 @@ class ContactSystem:
             worst = int(np.abs(lengths - 1.0).argmax())
             raise InputError(f"Normal {worst} has length {lengths[worst]:.6g}; normals must have length 1.")
         about = np.zeros((n_parts, d)) if about is None else np.asarray(about, dtype=np.float64)
+        if about.shape != (n_parts, d) or not np.isfinite(about).all():
+            raise InputError(f"Reference points 'about' have shape {about.shape}; expected finite ({n_parts}, {d}).")
+        if length is not None and not (np.isfinite(length) and length > 0):
+            raise InputError(f"The unit of length is {length}; it must be a number > 0, metres.")
         if length is None:
             spread = points - points.mean(axis=0) if len(points) else np.ones((1, d))
             length = float(np.sqrt((spread**2).sum(axis=1).mean())) or 1.0
