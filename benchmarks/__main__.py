@@ -56,7 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
 def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement]]]:
     """Return every benchmark by name."""
     from benchmarks import design_baseline, statics
-    from benchmarks.agreement import agreement
+    from benchmarks.agreement import agreement, agreement_configs
     from benchmarks.builds import builds
     from benchmarks.contacts import contacts
     from benchmarks.growth import growth
@@ -67,6 +67,7 @@ def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement
 
     return {
         "agreement": agreement,
+        "agreement_configs": agreement_configs,
         "builds": builds,
         "statics": statics.statics,
         "tilt_sweep": statics.tilt_sweep,

@@ -1,33 +1,42 @@
-"""Statics against MuJoCo on seeded random assemblies: the same verdict wherever the critical tilt is not close.
+"""Statics against MuJoCo: the same verdict wherever the critical tilt is not close, on random and designed assemblies.
 
-Known to disagree: frictionless stacks with tongues, where MuJoCo falls earlier. The cause is not established. Statics
-holds them with forces of many times the weight between their short walls; MuJoCo's contacts give a little under such
-forces, and parts may move farther than counts as rest.
+Each row lets an assembly go just below and just above its critical tilt by statics. A row that disagrees is
+experimented on for its cause (see `benchmarks.disagreement`).
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
+from benchmarks.disagreement import cause
 from benchmarks.measurement import Measurement
-from benchmarks.random_assemblies import KINDS, SOLID_KINDS, random_assembly, random_solid
+from benchmarks.random_assemblies import KINDS, LOCKED_KINDS, SOLID_KINDS, random_assembly, random_solid
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts import find_contacts, require_sound
 from mocca_robot.errors import InputError
+from mocca_robot.files.config import load
 from mocca_robot.loads import tilted_gravity
 from mocca_robot.verify import case_at, critical_tilt, solve_case
+from planners.designer import design
 from sim.contact_model import contact_model
 from sim.scene import with_gravity
 from sim.simulation import TILT_AGREEMENT_RAD
-from sim.stability import Verdict, judged
-from sim.tilt import tilt_scene
+from sim.stability import judged
+from sim.tilt import azimuths, tilt_scene
 
-FLAT_KINDS = (*KINDS, "notched")
-FRICTIONS = (0.0, 0.4)
+FLAT_KINDS = (*KINDS, *LOCKED_KINDS)
+PLAIN_FRICTIONS = (0.0, 0.4, 0.25, 0.6)
+"""Of kinds that mostly fall upright without friction, by seed."""
+LOCKED_FRICTIONS = (0.0, 0.0, 0.4)
+"""Of kinds that hold by their shape, by seed."""
+CONFIGS = Path(__file__).parents[1] / "configs"
+CONFIG_FRICTIONS = (0.0, 0.3)
 
 
 @dataclass(frozen=True)
@@ -47,22 +56,26 @@ class Probe:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One assembly's probes on either side of its critical tilt by statics (radians)."""
+    """One assembly's probes on either side of its critical tilt by statics (radians).
+
+    Attributes:
+        critical_rad: by statics, towards the case's azimuth.
+        friction: Coulomb coefficient.
+        probes: one on either side; none when too close to falling upright already.
+        cause: what experiments say where the engines disagree, else ''.
+    """
 
     critical_rad: float
     friction: float
     probes: tuple[Probe, ...]
+    cause: str = ""
 
     @property
     def verdict(self) -> str:
-        """Return 'agree', 'bounded' (friction holds less in physics than statics allows), 'near' or 'DISAGREE'."""
-        wrong = [p for p in self.probes if not p.agrees]
+        """Return 'agree', 'near' (nothing to compare) or 'DISAGREE'."""
         if not self.probes:
             return "near"
-        if not wrong:
-            return "agree"
-        early = all(p.statics == "equilibrium" and p.physics == Verdict.FELL for p in wrong)
-        return "bounded" if self.friction > 0.0 and early else "DISAGREE"
+        return "agree" if all(p.agrees for p in self.probes) else "DISAGREE"
 
     def words(self) -> str:
         """Return the verdict with its evidence."""
@@ -70,31 +83,46 @@ class Comparison:
             f"at {np.rad2deg(p.tilt_rad):.2f}° {p.statics}/{p.physics}" + ("" if p.agrees else f" ({p.reason})")
             for p in self.probes
         )
-        return f"{self.verdict}: critical tilt {np.rad2deg(self.critical_rad):.2f}°, µ {self.friction:g}; {sides}"
+        why = f"; cause: {self.cause}" if self.cause else ""
+        return f"{self.verdict}: critical tilt {np.rad2deg(self.critical_rad):.2f}°, µ {self.friction:g}; {sides}{why}"
 
 
 def agreement(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
-    """Yield a row per assembly: 30 flat and 6 solid ones when `quick`, else 140 and 60; then the table's sums."""
-    flat, solid = (30, 6) if quick else (140, 60)
+    """Yield a row per assembly, then the sums.
+
+    36 flat and 9 solid random ones when `quick`, else 150 and 96. `agreement_configs` has the designed ones.
+    """
+    flat, solid = (36, 8) if quick else (150, 96)
     cases = [(FLAT_KINDS[k % len(FLAT_KINDS)], k // len(FLAT_KINDS)) for k in range(flat)]
     cases += [(SOLID_KINDS[k % len(SOLID_KINDS)], k // len(SOLID_KINDS)) for k in range(solid)]
+    named = ((f"{kind}-{seed}", partial(random_case, kind, seed)) for kind, seed in cases)
+    yield from _rows("agreement", named, only)
+
+
+def agreement_configs(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
+    """Yield a row per configuration, friction and azimuth, of the built design; flat ones only when `quick`."""
+    yield from _rows("agreement_configs", _config_cases(quick, only), None)
+
+
+def _rows(
+    bench: str, cases: Iterable[tuple[str, Callable[[], Comparison | str]]], only: str | None
+) -> Iterator[Measurement]:
     sums: dict[str, int] = {}
     total = 0.0
-    for kind, seed in cases:
-        name = f"{kind}-{seed}"
+    for name, find in cases:
         if only and only not in name:
             continue
         started = time.process_time()
-        found = random_case(kind, seed)
+        found = find()
         seconds = time.process_time() - started
         verdict = "unusable" if isinstance(found, str) else found.verdict
         sums[verdict] = sums.get(verdict, 0) + 1
         total += seconds
         words = f"unusable: {found}" if isinstance(found, str) else found.words()
-        yield Measurement("agreement", name, "statics|mujoco", seconds, 1, words, float("nan"), float("nan"))
+        yield Measurement(bench, name, "statics|mujoco", seconds, 1, words, float("nan"), float("nan"))
     if sums:
         told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(sums.items()))
-        yield Measurement("agreement", "all", "statics|mujoco", total, 1, told, float("nan"), float("nan"))
+        yield Measurement(bench, "all", "statics|mujoco", total, 1, told, float("nan"), float("nan"))
 
 
 def random_case(kind: str, seed: int) -> Comparison | str:
@@ -102,10 +130,25 @@ def random_case(kind: str, seed: int) -> Comparison | str:
     rng = np.random.default_rng((seed, len(kind)))
     assembly = random_solid(kind, seed) if kind in SOLID_KINDS else random_assembly(kind, seed)
     azimuth = float(rng.choice([0.0, np.pi]) if assembly.dimension == 2 else rng.uniform(0.0, 2.0 * np.pi))
+    frictions = LOCKED_FRICTIONS if kind in (*LOCKED_KINDS, "peaks") else PLAIN_FRICTIONS
     try:
-        return compared(assembly, FRICTIONS[seed % 2], azimuth)
+        return compared(assembly, frictions[seed % len(frictions)], azimuth)
     except InputError as error:
         return str(error)
+
+
+def _config_cases(quick: bool, only: str | None) -> Iterator[tuple[str, Callable[[], Comparison | str]]]:
+    for path in sorted(CONFIGS.glob("*.yaml")):
+        if only and only not in path.stem:
+            continue
+        config = load(path)
+        if quick and config.assembly.dimension == 3:
+            continue
+        built = design(config.assembly, config.joints, insertion=dict(config.insertion) or None).design.assembly
+        for friction in CONFIG_FRICTIONS:
+            for azimuth in azimuths(built, 8):
+                name = f"{path.stem} µ {friction:g} {np.rad2deg(azimuth):.0f}°"
+                yield name, partial(compared, built, friction, float(azimuth))
 
 
 def compared(assembly: Assembly, friction: float, azimuth_rad: float) -> Comparison:
@@ -128,7 +171,11 @@ def compared(assembly: Assembly, friction: float, azimuth_rad: float) -> Compari
         angles = [] if "equilibrium" in {statics(limit, a) for a in around} else [0.0]
     compiled = tilt_scene(assembly, contact_model(assembly, report.contacts, friction), friction)
     probes = []
+    why = ""
     for angle in angles:
-        run = judged(with_gravity(compiled, tilted_gravity(assembly.gravity, angle, azimuth_rad)))
+        tilted = with_gravity(compiled, tilted_gravity(assembly.gravity, angle, azimuth_rad))
+        run = judged(tilted)
         probes.append(Probe(angle, statics(angle), str(run.verdict), run.reason))
-    return Comparison(critical, friction, tuple(probes))
+        if not probes[-1].agrees:
+            why = cause(assembly, report.contacts, case_at(assembly, angle, azimuth_rad), tilted, run)
+    return Comparison(critical, friction, tuple(probes), why)

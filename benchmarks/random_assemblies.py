@@ -1,5 +1,8 @@
-"""Seeded random assemblies of the kinds people build: stacks, leaning walls, arches, Voronoi cuts, notched stacks,
-and solids: stacks on slanted planes, and the flat ones as plates."""
+"""Seeded random assemblies of the kinds people build: stacks, leaning walls, arches, Voronoi cuts, and stacks whose
+beds have tongues or ridges; solids: stacks on slanted planes or on peaks, and the flat ones as plates.
+
+Without friction the plain ones mostly fall upright; those with tongues, ridges and peaks stand, and fall at some tilt.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,22 @@ from mocca_robot.extrusion import surface
 from mocca_robot.generators.blocks import hexahedron
 
 KINDS = ("stack", "wall", "arch", "voronoi")
-SOLID_KINDS = ("blocks", *(f"solid_{kind}" for kind in (*KINDS, "notched")))
+LOCKED_KINDS = ("notched", "ridged")
+SOLID_KINDS = ("blocks", "peaks", *(f"solid_{kind}" for kind in (*KINDS, "notched")))
 
 
 def random_assembly(kind: str, seed: int, support_free: bool = False) -> Assembly:
     """Return a flat assembly of `kind`, different for every seed, about 0.3 m across, α = 5°."""
     rng = np.random.default_rng(seed)
-    parts = {"stack": _stack, "wall": _wall, "arch": _arch, "voronoi": _voronoi, "notched": _notched}[kind](rng)
+    makers = {
+        "stack": _stack,
+        "wall": _wall,
+        "arch": _arch,
+        "voronoi": _voronoi,
+        "notched": _notched,
+        "ridged": _ridged,
+    }
+    parts = makers[kind](rng)
     goals: tuple[Goal, ...] = (SupportFree() if support_free else Equilibrium(),)
     return Assembly(f"{kind}_{seed}", tuple(parts), goals=goals)
 
@@ -28,8 +40,8 @@ def random_assembly(kind: str, seed: int, support_free: bool = False) -> Assembl
 def random_solid(kind: str, seed: int) -> Assembly:
     """Return a solid assembly of one of `SOLID_KINDS`, different for every seed, turned about the vertical."""
     rng = np.random.default_rng(seed)
-    if kind == "blocks":
-        parts = _blocks(rng)
+    if kind in ("blocks", "peaks"):
+        parts = {"blocks": _blocks, "peaks": _peaks}[kind](rng)
     else:
         flat = random_assembly(kind.removeprefix("solid_"), seed)
         plates = (replace(p.shape, thickness=0.06) for p in flat.parts if isinstance(p.shape, Polygon))
@@ -62,22 +74,74 @@ def _blocks(rng: np.random.Generator) -> list[Part]:
     return parts
 
 
+def _peaks(rng: np.random.Generator) -> list[Part]:
+    """Blocks whose beds rise or sink to a point somewhere inside, each a little off the one below."""
+    count = int(rng.integers(2, 6))
+    width, height = 0.08, rng.uniform(0.04, 0.08)
+
+    def bed(level: float) -> Array:
+        """Return four corners, counter-clockwise from above, and the point between them."""
+        corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]]) * width / 2 + rng.uniform(-0.004, 0.004, size=(4, 2))
+        point = rng.uniform(-0.2, 0.2, size=2) * width
+        rise = rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.35) * width
+        plan = np.concatenate([corners, [point]])
+        return np.column_stack([plan, level + np.array([0.0, 0.0, 0.0, 0.0, rise])])
+
+    beds = [bed(k * height) for k in range(count + 1)]
+    floor = np.column_stack([beds[0][:, :2], np.full(5, -0.08)])
+    parts = [Part("base", _between(floor, beds[0]), fixed=True)]
+    return parts + [Part(f"b{k}", _between(beds[k], beds[k + 1])) for k in range(count)]
+
+
+def _between(low: Array, high: Array) -> Mesh:
+    """Return the solid between two beds of four corners and a point each."""
+    ring = [(k, (k + 1) % 4) for k in range(4)]
+    faces = [(b, a, 4) for a, b in ring] + [(a + 5, b + 5, 9) for a, b in ring]
+    faces += [face for a, b in ring for face in ((a, b, b + 5), (a, b + 5, a + 5))]
+    return Mesh(np.concatenate([low, high]), np.array(faces))
+
+
 def _notched(rng: np.random.Generator) -> list[Part]:
-    """Blocks with a tongue on top that sits in a groove of the next, the whole stack leaning."""
-    count, width, height = int(rng.integers(2, 6)), 0.06, 0.04
+    """Blocks with a tongue on top that sits in a groove of the next, the whole stack leaning; most flanks slant."""
+    count, width, height = int(rng.integers(2, 6)), rng.uniform(0.04, 0.06), rng.uniform(0.025, 0.06)
     lean = rng.uniform(-0.25, 0.25)
     c, s = np.cos(lean), np.sin(lean)
-    tongues = [(rng.uniform(0.015, 0.03), rng.uniform(0.004, 0.012)) for _ in range(count + 1)]
+    shares = [
+        (rng.uniform(0.25, 0.5), rng.uniform(0.004, 0.012), *rng.uniform(0.0, 0.006, 2)) for _ in range(count + 1)
+    ]
+    upright = rng.random() < 0.25
 
     def edge(k: int) -> list[list[float]]:
-        (start, rise), y = tongues[k], k * height
-        return [[0.0, y], [start, y], [start, y + rise], [start + 0.015, y + rise], [start + 0.015, y], [width, y]]
+        (share, rise, left, right), y = shares[k], k * height
+        start, end = share * width, share * width + 0.015
+        if upright:
+            left = right = 0.0
+        return [[0.0, y], [start, y], [start + left, y + rise], [end - right, y + rise], [end, y], [width, y]]
 
     turn = np.array([[c, s], [-s, c]])
     parts = [Part("base", Polygon(np.array([[0.0, -0.05], [width, -0.05], *reversed(edge(0))]) @ turn.T), fixed=True)]
     for k in range(count):
         ring = np.array([*edge(k), *reversed(edge(k + 1))])
         parts.append(Part(f"n{k}", Polygon(ring @ turn.T)))
+    return parts
+
+
+def _ridged(rng: np.random.Generator) -> list[Part]:
+    """Blocks whose beds have a ridge or a valley each, somewhere between their ends."""
+    count, width, height = int(rng.integers(2, 7)), 0.06, rng.uniform(0.025, 0.06)
+
+    def bed(k: int) -> Array:
+        shift = rng.uniform(-0.006, 0.006)
+        ridge = rng.uniform(0.3, 0.7), rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.3)
+        ends = rng.uniform(-0.08, 0.08)
+        xs, ys = np.array([0.0, ridge[0], 1.0]), np.array([-ends, ridge[1], ends])
+        return np.column_stack([shift + width * xs, k * height + width * ys])
+
+    beds = [bed(k) for k in range(count + 1)]
+    floor = np.array([[0.0, -0.05], [width, -0.05]])
+    parts = [Part("base", Polygon(np.concatenate([floor, beds[0][::-1]])), fixed=True)]
+    for k in range(count):
+        parts.append(Part(f"r{k}", Polygon(np.concatenate([beds[k], beds[k + 1][::-1]]))))
     return parts
 
 

@@ -27,9 +27,6 @@ BUDGET = 4800
 """Contact points of a whole model: a dome of 400 joints then gets 12 a joint and takes about 60 steps a second."""
 RESOLUTION = (12, 128)
 """Fewest and most contact points of a pair of parts."""
-PRESSED = 1e-7
-"""How far points start inside the faces they meet, relative to the pair's contact region: MuJoCo leaves out contacts
-that do not overlap, and a touch that rounding opens carries nothing in the first step. Contacts give about as much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +111,9 @@ def _owner(geoms: Sequence[Geom], candidates: Sequence[int], point: Array) -> in
     return min(candidates, key=distance)
 
 
-def facets(assembly: Assembly, contacts: Sequence[Contact], resolution: int | None = None) -> ContactModel:
+def facets(
+    assembly: Assembly, contacts: Sequence[Contact], resolution: int | None = None, friction: float = 0.0
+) -> ContactModel:
     """Return sphere–box pairs at the contact points that carry each pair's wrench cone.
 
     `resolution` is the largest number of points per pair of parts; flat contacts use their corners only. By default
@@ -126,15 +125,14 @@ def facets(assembly: Assembly, contacts: Sequence[Contact], resolution: int | No
         resolution = int(np.clip(BUDGET // pairs_in_contact, *RESOLUTION))
     geoms: list[Geom] = []
     pairs: list[tuple[int, int]] = []
-    for rays in reduced_rays(assembly, contacts, resolution):
+    for rays in reduced_rays(assembly, contacts, resolution, friction):
         radius = 0.02 * rays.reach
         for point, normal in zip(embed(rays.points), embed(rays.normals)):
             frame = _frame(normal)
             half = np.array([0.1 * rays.reach, 0.1 * rays.reach, radius])
             pairs.append((len(geoms), len(geoms) + 1))
             geoms.append(geom(rays.pair[0], "box", point - radius * normal, half, frame))
-            centre = point + (radius - PRESSED * rays.reach) * normal
-            geoms.append(geom(rays.pair[1], "sphere", centre, np.array([radius, 0.0, 0.0])))
+            geoms.append(geom(rays.pair[1], "sphere", point + radius * normal, np.array([radius, 0.0, 0.0])))
     return ContactModel(tuple(geoms), tuple(pairs))
 
 
@@ -145,7 +143,7 @@ def contact_model(assembly: Assembly, contacts: Sequence[Contact], friction: flo
     their softness, and Newton's method needs ten times as long.
     """
     flat = assembly.dimension == 2
-    return pieces(assembly, contacts) if flat and friction == 0.0 else facets(assembly, contacts)
+    return pieces(assembly, contacts) if flat and friction == 0.0 else facets(assembly, contacts, friction=friction)
 
 
 def _prism(part: int, ring: Array, thickness: float) -> Geom:

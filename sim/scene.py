@@ -122,8 +122,11 @@ def spec(scene: Scene) -> Any:
     bodies = {int(k): _body(out, scene, int(k)) for k in np.flatnonzero(scene.present)}
     names = [_geom(out, scene, bodies[g.part], k, g) for k, g in _present_geoms(scene)]
     if scene.contact_model.pairs is not None:
-        for a, b in scene.contact_model.only(scene.present).pairs or ():
-            _pair(out, scene, names[a], names[b])
+        present = scene.contact_model.only(scene.present)
+        for a, b in present.pairs or ():
+            # Points only: between meshes a margin makes contacts that are not there.
+            margin = scene.settings.margin if present.geoms[b].kind == "sphere" else 0.0
+            _pair(out, scene, names[a], names[b], margin)
     if scene.hand is not None:
         _actuators(out, scene)
     return out
@@ -164,6 +167,7 @@ def with_timestep(compiled: Compiled, timestep: float) -> Compiled:
     model.opt.timestep = timestep
     model.geom_solref[:] = scene.settings.solref
     model.pair_solref[:] = scene.settings.solref
+    model.pair_margin[model.pair_margin > 0.0] = scene.settings.margin
     return Compiled(scene, model, compiled.parts, compiled.qpos, compiled.dof)
 
 
@@ -264,7 +268,7 @@ def _geom(out: Any, scene: Scene, body: Any, number: int, geom: Geom) -> str:
     return name
 
 
-def _pair(out: Any, scene: Scene, first: str, second: str) -> None:
+def _pair(out: Any, scene: Scene, first: str, second: str, margin: float) -> None:
     s = scene.settings
     out.add_pair(
         geomname1=first,
@@ -273,6 +277,7 @@ def _pair(out: Any, scene: Scene, first: str, second: str) -> None:
         friction=[s.friction, s.friction, 0.0, 0.0, 0.0],
         solref=s.solref,
         solimp=s.solimp,
+        margin=margin,
     )
 
 

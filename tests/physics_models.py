@@ -60,3 +60,12 @@ def box_stack_3d(blocks: int) -> tuple[Assembly, tuple[Contact, ...]]:
 
 def square(z: float) -> Array:
     return np.array([[0, 0, z], [WIDTH, 0, z], [WIDTH, WIDTH, z], [0, WIDTH, z]], dtype=np.float64)
+
+
+def tongue(rise: float) -> Assembly:
+    """Return a long block held out sideways by a short tongue that points along x, in the groove of a fixed one."""
+    length, height, half = 0.2, 0.04, 0.0075
+    back = [[0.0, height], [0.0, half], [-rise, half], [-rise, -half], [0.0, -half], [0.0, -height]]
+    arm = Part("arm", Polygon(np.array([*back, [length, -height], [length, height]])))
+    wall = Part("wall", Polygon(np.array([[-0.1, -height], *reversed(back), [-0.1, height]])), fixed=True)
+    return Assembly("tongue", (wall, arm))

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from physics_models import WIDTH, box_stack_3d, jointed, rectangle, stack
+from physics_models import WIDTH, box_stack_3d, jointed, rectangle, stack, tongue
 
-from mocca_robot.assembly import Assembly, Part, Polygon
+from mocca_robot.assembly import Assembly, Part
 from mocca_robot.contacts import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.loads import state_cases, tilted_gravity
@@ -137,15 +137,6 @@ def test_a_run_that_gains_energy_is_failed():
     motion = run(compiled, 1.0, doubled)
     assert motion.failure == "energy grew without cause" and motion.times[-1] < 0.9
     assert run(compile_scene(scene), 1.0).failure is None
-
-
-def tongue(rise: float) -> Assembly:
-    """Return a long block held out sideways by a short tongue that points along x, in the groove of a fixed one."""
-    length, height, half = 0.2, 0.04, 0.0075
-    back = [[0.0, height], [0.0, half], [-rise, half], [-rise, -half], [0.0, -half], [0.0, -height]]
-    arm = Part("arm", Polygon(np.array([*back, [length, -height], [length, height]])))
-    wall = Part("wall", Polygon(np.array([[-0.1, -height], *reversed(back), [-0.1, height]])), fixed=True)
-    return Assembly("tongue", (wall, arm))
 
 
 def test_contacts_under_many_times_the_weight_still_hold():

@@ -1,0 +1,146 @@
+"""Why physics and statics disagree on an assembly: found by experiment, never guessed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mocca_robot.assembly import Array, Assembly, IntArray
+from mocca_robot.contacts import Contact
+from mocca_robot.joints.joint import contact_rays
+from mocca_robot.loads import LoadCase, case_wrenches
+from mocca_robot.statics import EquilibriumResult, Status, equilibrium
+from sim.motion import Motion
+from sim.scene import Compiled, with_timestep
+from sim.stability import LIMITS, StabilityReport, Verdict, judged
+
+STIFFER = 100.0
+"""The step is made so many times smaller, ten times below the finest that a verdict uses, to exclude soft contacts."""
+SEEN = 0.01
+"""Displacement, relative to the part, at which a fall shows which contacts open."""
+OPEN = 0.02
+"""A contact opens when its gap grows by more than this share of the fastest relative motion at any contact."""
+
+
+def cause(
+    assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, tilted: Compiled, found: StabilityReport
+) -> str:
+    """Return what explains that physics found otherwise than statics.
+
+    'soft contacts': a much finer step, with contacts stiffer by its square, gives another verdict.
+    'friction': statics holds the parts only with forces that their fall does not bring about: in contacts that it
+    opens, or with friction that does not oppose its sliding. Coulomb's law allows them at rest (parts that clamp each
+    other), nothing makes them: statics bounds the tilt from above.
+    'history': let go at once, or more gently, it ends otherwise; friction forces depend on how they build up.
+    'none found' else.
+    """
+    step = tilted.scene.settings.timestep
+    stiff = judged(with_timestep(tilted, step / STIFFER), replace(LIMITS, finer=())).verdict
+    if stiff not in (found.verdict, Verdict.FAILED):
+        return f"soft contacts: {stiff} with a step of {step / STIFFER * 1e6:.0f} µs"
+    friction = tilted.scene.settings.friction
+    if found.verdict is Verdict.FELL and friction > 0.0:
+        opened, rays = coulomb_rays(assembly, contacts, found.motion, friction)
+        if not _holds(assembly, contacts, case, rays):
+            return (
+                f"friction not made by the fall: falls with a step of {step / STIFFER * 1e6:.0f} µs too, and by "
+                f"statics with the forces that go with this fall ({opened} of {len(rays)} contact points open)"
+            )
+    for gentle in (0.0, 0.4):
+        other = judged(tilted, replace(LIMITS, gentle_s=gentle)).verdict
+        if other not in (found.verdict, Verdict.FAILED):
+            return f"history of friction forces: {other} when let go over {gentle:g} s"
+    return "none found: neither finer steps nor another way of letting go change it"
+
+
+def coulomb_rays(
+    assembly: Assembly, contacts: Sequence[Contact], motion: Motion, friction: float
+) -> tuple[int, list[tuple[tuple[int, int], Array, Array]]]:
+    """Return how many contact points a fall opens, and the forces that go with it.
+
+    The forces are one entry per contact point: pair of parts, point (d,), directions (k, d) whose cone the force lies
+    in: none where the fall opens it, one that opposes the sliding where it slides, the friction cone where it sticks.
+    """
+    pairs, points, normals = contact_rays(contacts)
+    relative = _relative_motion(assembly, pairs, points, motion)
+    fastest = np.linalg.norm(relative, axis=1).max()
+    out, opened = [], 0
+    for pair, point, normal, move in zip(pairs, points, normals, relative):
+        gap = float(move @ normal)
+        slide = move - gap * normal
+        speed = float(np.linalg.norm(slide))
+        if gap > OPEN * fastest:
+            directions = np.zeros((0, len(normal)))
+            opened += 1
+        elif speed > OPEN * fastest:
+            directions = (normal - friction * slide / speed)[None]
+        else:
+            directions = normal + friction * _around(normal)
+        out.append(((int(pair[0]), int(pair[1])), point, directions))
+    return opened, out
+
+
+def _around(normal: Array, count: int = 16) -> Array:
+    """Return unit vectors across `normal`: two in the plane, `count` in space."""
+    if len(normal) == 2:
+        across = np.array([-normal[1], normal[0]])
+        return np.array([across, -across])
+    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    first /= np.linalg.norm(first)
+    angles = 2.0 * np.pi * np.arange(count) / count
+    return np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(normal, first))
+
+
+def _relative_motion(assembly: Assembly, pairs: IntArray, points: Array, motion: Motion) -> Array:
+    """Return how far each contact point of the later part has gone from that of the earlier one, once clearly."""
+    size = np.array([np.ptp(p.shape.bounds, axis=0).max() for p in assembly.parts])[motion.parts]
+    seen = (motion.displacement > SEEN * size).any(axis=1)
+    sample = int(np.argmax(seen)) if seen.any() else len(motion.times) - 1
+    moved = {int(p): _displaced(assembly, int(p), motion.poses[sample][k]) for k, p in enumerate(motion.parts)}
+    still = (np.eye(assembly.dimension), np.zeros(assembly.dimension))
+    travel = np.zeros((2, *points.shape))
+    for side in (0, 1):
+        for part in np.unique(pairs[:, side]):
+            mine = pairs[:, side] == part
+            turn, shift = moved.get(int(part), still)
+            centre = assembly.parts[part].centroid
+            travel[side, mine] = (points[mine] - centre) @ turn.T + centre + shift - points[mine]
+    return np.asarray(travel[1] - travel[0])
+
+
+def _displaced(assembly: Assembly, part: int, pose: Array) -> tuple[Array, Array]:
+    """Return rotation and shift of a part from its place; flat poses are x, y, turn."""
+    if len(pose) == 3:
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        return np.array([[c, -s], [s, c]]), pose[:2]
+    w, x, y, z = pose[3:]
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return turn, pose[:3] - assembly.parts[part].centroid
+
+
+def _holds(
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    case: LoadCase,
+    rays: Sequence[tuple[tuple[int, int], Array, Array]],
+) -> bool:
+    directions = np.concatenate([d for _, _, d in rays])
+    result = equilibrium(
+        np.array([pair for pair, _, d in rays for _ in d]),
+        np.array([point for _, point, d in rays for _ in d]),
+        directions / np.linalg.norm(directions, axis=1)[:, None],
+        case_wrenches(case, assembly, contacts),
+        fixed=~case.free,
+        about=np.array([p.centroid for p in assembly.parts]),
+        length=assembly.size / 2,
+    )
+    assert isinstance(result, EquilibriumResult)
+    return result.status is Status.EQUILIBRIUM
