@@ -5,6 +5,7 @@
 #   make browser  the viewer and the pages in headless Chromium
 #   make docs    the documentation site, in site/, from pages that are up to date
 #   make dist-test  wheel and source archive, built and tried in an environment of their own
+#   make gallery  run all configurations again and draw the gallery
 #   make bench   all measurements, the long ones included; writes docs/benchmarks.md
 #   make bench-quick   three minutes of them, compared with the last time on this machine
 #   make compas  an environment with compas_cra, which make bench then compares with
@@ -27,7 +28,7 @@ export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test style types unit browser docs dist-test bench bench-quick clean
+.PHONY: help setup demo test style types unit browser docs gallery dist-test bench bench-quick clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -79,9 +80,14 @@ docs: setup
 dist-test: setup
 	$(BIN)/python -m pytest -n 0 -m "long or not long" tests/test_dist.py
 
+gallery: setup
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	$(BIN)/python docs/gallery.py
+	$(BIN)/python docs/generate.py
+
 bench: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
-	$(BIN)/python -m pytest -n $(WORKERS) -m long
+	$(BIN)/python -m pytest -n $(WORKERS) -m "long and not browser"
 	@for name in $(BENCHES); do echo "== $$name"; $(BIN)/python -m benchmarks $$name --keep || exit 1; done
 	$(BIN)/python -m benchmarks page
 

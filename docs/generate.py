@@ -1,13 +1,15 @@
 """Write the pages of the documentation that are made from the code: `python docs/generate.py` (or `make docs`).
 
 cli.md comes from the argument parsers, config.md and the configuration's JSON Schema from the table of keys, api.md
-from the docstrings of the public names, changelog.md from CHANGELOG.md. A test compares them with what the code says.
+from the docstrings of the public names, changelog.md from CHANGELOG.md, the gallery from what docs/gallery.py measured.
+A test compares them with what the code says.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import importlib.util
 import inspect
 import json
 import re
@@ -79,7 +81,17 @@ def pages() -> dict[str, str]:
         "api.md": api_page(),
         "changelog.md": NOTICE + (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
         "schemas/config.schema.json": json.dumps(config_schema(), indent=1, ensure_ascii=False) + "\n",
+        **_module("gallery_pages").pages(),
     }
+
+
+def _module(name: str) -> ModuleType:
+    """Return a module that lies beside this file."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def commands() -> dict[str, tuple[str, argparse.ArgumentParser]]:

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -53,3 +54,14 @@ def test_the_yaml_example_has_known_keys_only() -> None:
 
     (example,) = block("yaml")
     assert set(parse_yaml(example, "README")) <= set(section(""))
+
+
+def test_shown_commands_and_pictures_exist() -> None:
+    from mocca_robot.cli.parser import build_parser
+
+    shown = [line for text in block("sh") for line in text.splitlines() if line.startswith(".venv/bin/mocca-robot ")]
+    assert len(shown) >= 4
+    for line in shown:
+        build_parser().parse_args(shlex.split(line, comments=True)[1:])
+    pictures = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", README)
+    assert pictures and all((Path(__file__).parents[1] / p).is_file() for p in pictures)
