@@ -49,7 +49,7 @@ def _build(name: str, folder: Path, *, execute: bool) -> Iterator[Measurement]:
     from sim.rehearsal import rehearse
 
     config = load(ROOT / "configs" / f"{name}.yaml")
-    file = write_design(design(config.assembly, config.options), folder)
+    file = write_design(design(config.assembly, config.joints, insertion=config.insertion).design, folder)
     stored, cell = read_design(file), read_cell(ROOT / "configs" / "cells" / "ur5e_2f85.yaml")
     started = time.perf_counter()
     sha = file_sha256(file)

@@ -18,13 +18,15 @@ from mocca_robot.cli import main
 from mocca_robot.contacts import find_contacts
 from mocca_robot.design import Design, Insertion
 from mocca_robot.errors import InputError
-from mocca_robot.files.design_json import write_design
+from mocca_robot.files.config import load
+from mocca_robot.files.design_json import read_design, write_design
 from mocca_robot.ur.models import MODELS
 from mocca_robot.ur.plan import Plan, write_plan
 from mocca_robot.ur.plan_reader import file_sha256
 from mocca_robot.ur.status import ExecutionStatus
 from planners.build_plan import build_plan
 from planners.cell import RobotCell, read_cell
+from planners.designer import design
 from planners.site import site
 from sim.cell_force import hand_wrench
 from sim.cell_model import Moment, Workplace, compile_moment, seat, workplace
@@ -114,12 +116,12 @@ def test_a_cup_carries_what_its_vacuum_holds_and_drops_what_it_does_not() -> Non
     bricks = (Part("base", brick(0.0, 0.05, 0.14), fixed=True), Part("lid", brick(0.05, 0.1, 0.1)))
     down = (Insertion("lid", np.array([0.0, 0.0, -1.0]), float(np.deg2rad(60))),)
     assembly = Assembly("bricks", bricks, alpha_rad=np.deg2rad(10))
-    design = Design(assembly, assembly, (), down, ())
-    built = build_plan(design, cup, "0" * 64)
+    bricked = Design(assembly, assembly, (), down, ())
+    built = build_plan(bricked, cup, "0" * 64)
     assert built.plan is not None, [r.reasons for r in built.reports]
-    result = rehearse(built.plan, design, QUICK)
+    result = rehearse(built.plan, bricked, QUICK)
     assert result.succeeded and result.parts[0].held is True, result.parts
-    slack = rehearse(built.plan, design, replace(QUICK, pad_friction=0.01))
+    slack = rehearse(built.plan, bricked, replace(QUICK, pad_friction=0.01))
     assert slack.parts[0].status is ExecutionStatus.DEVIATED and "the cup let go" in slack.parts[0].detail
 
 
@@ -202,3 +204,15 @@ def test_plans_that_cannot_be_rehearsed_are_refused(tmp_path: Path, capsys: pyte
         write_plan(plan, tmp_path / "plan.json")
         assert main(["rehearse", str(tmp_path / "plan.json"), *options]) == 2
         assert words in capsys.readouterr().err
+
+
+def test_the_scarecrow_is_designed_planned_and_rehearsed_and_stands_without_its_supports(tmp_path: Path) -> None:
+    config = load(ROOT / "configs" / "scarecrow.yaml")
+    designed = design(config.assembly, config.joints)
+    stored = read_design(write_design(designed.design, tmp_path))
+    standard = read_cell(ROOT / "configs" / "cells" / "ur5e_2f85.yaml")
+    built = build_plan(stored, standard, "0" * 64, supports=("arm_left", "arm_right"))
+    assert built.plan is not None
+    result = rehearse(built.plan, stored, QUICK)
+    assert result.succeeded, [(p.part, p.status, p.detail, p.standing) for p in result.parts]
+    assert result.whole is not None and result.whole.displacement_m < 1e-3
