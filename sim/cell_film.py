@@ -128,7 +128,7 @@ def write_cell_film(moving: CellFilm, path: str | Path, options: FilmOptions | N
 
     Raises EnvironmentNeeded when OpenGL, or for .mp4 imageio-ffmpeg, is missing.
     """
-    options = options or FilmOptions(azimuth_deg=20.0, elevation_deg=-25.0)
+    options = options or FilmOptions(azimuth_deg=150.0, elevation_deg=-25.0)
     return write_images(_images(moving, options), Path(path), options)
 
 
@@ -159,7 +159,7 @@ def _images(moving: CellFilm, options: FilmOptions) -> Iterator[NDArray[np.uint8
 
     camera = mujoco.MjvCamera()
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-    camera.lookat[:] = [0.3, 0.0, 0.2]
-    camera.distance = 2.0
+    camera.lookat[:] = [0.35, 0.0, 0.2]
+    camera.distance = 1.7
     camera.azimuth, camera.elevation = options.azimuth_deg, options.elevation_deg
     return rendered(spec, camera, states, options)
