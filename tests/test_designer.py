@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import trimesh
 
 from benchmarks.random_assemblies import KINDS, random_assembly
 from mocca_robot.assembly import Assembly, Interlocking, Lateral, Part, Polygon
 from mocca_robot.contacts import find_contacts
 from mocca_robot.errors import InputError
+from mocca_robot.files.config import load
+from mocca_robot.files.design_json import read_design, write_design
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.loads import case_wrenches, load_cases
@@ -214,3 +219,35 @@ def test_a_block_whose_centroid_is_past_the_edge_is_held_by_moving_it(beyond_mm:
     width = 2e-3 * (60.0 + beyond_mm)
     parts = (rectangle("base", 0.0, -0.05, 0.06, 0.05, True), rectangle("top", 0.0, 0.0, width, 0.04))
     assert design(Assembly("overhang", parts)).achieved
+
+
+def test_a_leaning_wall_from_a_folder_of_meshes_is_built_without_support(tmp_path: Path) -> None:
+    """Own input: STL files in millimetres, one per block, leaning by 8° on a slab that leans as well."""
+    turn = trimesh.transformations.rotation_matrix(np.deg2rad(8.0), [0.0, 1.0, 0.0])
+    for name, extents, at in (
+        ("ground", (300.0, 500.0, 60.0), (0.0, 0.0, -30.0)),
+        ("left", (100.0, 200.0, 100.0), (0.0, -100.0, 50.0)),
+        ("right", (100.0, 200.0, 100.0), (0.0, 100.0, 50.0)),
+        ("top", (100.0, 200.0, 100.0), (0.0, 0.0, 150.0)),
+    ):
+        block = trimesh.creation.box(extents)
+        block.apply_translation(at)
+        block.apply_transform(turn)
+        block.export(tmp_path / f"{name}.stl")
+    keys = {
+        "units": "mm",
+        "fixed": ["ground"],
+        "goal": "support_free",
+        "alpha_deg": 5,
+        "sequence": ["left", "right", "top"],
+    }
+    config = load(tmp_path, keys)
+    assert config.assembly.size == pytest.approx(0.62, abs=0.05)
+    found = design(config.assembly, config.joints)
+    assert found.achieved
+    assert min(case.infeasibility_before for case in found.design.load_cases) > 1e-4, "flat, every state slides"
+    written = read_design(write_design(found.design, tmp_path / "out"))
+    judged = verify(written.assembly, directions={i.part: np.asarray(i.direction) for i in written.insertion})
+    assert judged.stands and judged.assemblable
+    assert judged.part_overlap < 1e-6
+    assert len(judged.cases) == 3, "one per block placed"

@@ -117,6 +117,19 @@ def quads(path, radius, height, around: int, up: int, *, closed: bool = True) ->
     path.write_text("\n".join(lines).replace("np.float64(", "").replace(")", "") + "\n")
 
 
+def test_points_without_polygons_change_nothing_about_a_shell(tmp_path):
+    """The lower half of a ball was cut off, its points were left: the ground is where the surface ends."""
+    ball = trimesh.creation.icosphere(1)
+    upper = [face for face in ball.faces if (ball.vertices[face, 2] > -0.1).all()]
+    lines = ["v {:.12g} {:.12g} {:.12g}".format(*v) for v in ball.vertices]
+    lines += ["f " + " ".join(str(v + 1) for v in face) for face in upper]
+    (tmp_path / "half.obj").write_text("\n".join(lines) + "\n")
+    shell = generate("shell", {"surface": "half.obj", "thickness": 0.15, "ground": 0.05}, tmp_path)
+    require_closed(shell)
+    assert len(shell.parts) == len(upper)
+    assert 0 < shell.fixed.sum() < len(upper)
+
+
 def test_a_shell_of_revolution_has_flat_walls(tmp_path):
     quads(tmp_path / "vase.obj", lambda phi, t: 1.0 - 0.3 * t + 0.1 * np.sin(6 * t), lambda t: 1.5 * t, 9, 4)
     shell = generate("shell", {"surface": "vase.obj", "thickness": 0.1}, tmp_path)

@@ -54,7 +54,8 @@ def shell(given: Mapping[str, Any], folder: Path) -> Assembly:
             names.append(group.name if single else f"{group.name or 'block'}_{k + 1:03d}")
     if not faces:
         raise InputError(f"shell.surface: '{path}' has no faces; export the surface with its polygons.")
-    surface = joined(Surface(points, tuple(faces)))
+    surface, normals = _used(Surface(points, tuple(faces)), normals)
+    surface = joined(surface)
     if p.choice("bond", ("stack", "running")) == "running":
         surface = running_bond_quads(surface)
         names = [f"block_{k + 1:03d}" for k in range(len(surface.faces))]
@@ -77,6 +78,14 @@ def shell(given: Mapping[str, Any], folder: Path) -> Assembly:
         return Assembly(path.stem, tuple(parts))
     order = sorted(range(len(parts)), key=lambda k: (round(float(parts[k].centroid[2] / np.ptp(height)), 3), k))
     return Assembly(path.stem, tuple(parts[k] for k in order))
+
+
+def _used(surface: Surface, normals: Array) -> tuple[Surface, Array]:
+    """Return the surface and its normals without points that no polygon has: files of cut meshes are full of them."""
+    used, index = np.unique(np.concatenate([np.array(f) for f in surface.faces]), return_inverse=True)
+    ends = np.cumsum([len(f) for f in surface.faces])[:-1]
+    faces = tuple(tuple(int(v) for v in f) for f in np.split(index, ends))
+    return Surface(surface.points[used], faces), normals[used] if len(normals) == len(surface.points) else normals
 
 
 def joined(surface: Surface) -> Surface:
