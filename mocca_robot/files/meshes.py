@@ -91,6 +91,8 @@ def repaired(name: str, vertices: Array, faces: IntArray) -> tuple[Mesh, tuple[s
     repeated = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
     if repeated.any():
         faces = faces[~repeated]
+        if len(faces) == 0:
+            raise InputError(f"Part '{name}' has no triangle with three corners of its own; export it again.")
         notes.append(f"{int(repeated.sum())} triangles with two equal corners removed")
     used, faces = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[used], faces.reshape(-1, 3)

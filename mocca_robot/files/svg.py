@@ -24,6 +24,7 @@ MAX_SVG_BYTES = 16 * 1024 * 1024
 LARGEST = 1e12
 """Of a coordinate, in drawing units."""
 MAX_CURVES = 100_000
+MAX_PATH_DATA = 2_000_000
 CLOSED = 1e-6
 """Paths whose ends are closer than this share of the drawing are closed: editors round to about six digits."""
 
@@ -68,6 +69,10 @@ def read_svg(path: Path, units: str | None = None, scale: float = 1.0, thickness
     shapes, notes = outlines(root, where)
     _require_names(shapes, where)
     factor = unit_m * scale
+    if (written := sum(len(s.path) for s in shapes)) > MAX_PATH_DATA:
+        raise InputError(
+            f"{where} has {written:,} characters of path data; at most {MAX_PATH_DATA:,} are read. Simplify its paths."
+        )
     subpaths = [_subpaths(shape) for shape in shapes]
     polylines = _flattened(subpaths)
     parts = []

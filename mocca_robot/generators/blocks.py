@@ -68,8 +68,10 @@ def wall(given: Mapping[str, Any], _folder: Path) -> Assembly:
     x, y, z = _size(p)
     columns = p.count("columns", 1, 500)
     turn = _tilt(p, about_x=True)
+    courses = p.count("courses", 2, 500)
+    p.require_few(courses * (columns + 1))
     parts = []
-    for course in range(p.count("courses", 2, 500)):
+    for course in range(courses):
         even = course % 2 == 0
         # Multiples of half a brick, so that joints of different courses agree to the last digit.
         halves = list(range(0, 2 * columns + 1, 2)) if even else [0, *range(1, 2 * columns, 2), 2 * columns]

@@ -55,6 +55,7 @@ def dome(given: Mapping[str, Any], _folder: Path) -> Assembly:
     p = Parameters("dome", given, DEFAULTS)
     base, top = np.deg2rad(p.number("base_deg", 5, 120.0)), np.deg2rad(p.number("top_deg", 0.0, 90.0))
     blocks = p.counts("blocks", 3)
+    p.require_few(sum(blocks))
     if top >= base:
         raise InputError(f"dome.top_deg is {np.rad2deg(top):g}; it must be less than base_deg, {np.rad2deg(base):g}.")
     polar = np.linspace(base, top, len(blocks) + 1)

@@ -11,7 +11,11 @@ import numpy as np
 
 from mocca_robot.assembly import DEFAULT_DENSITY, Array, Assembly, Mesh, Part
 from mocca_robot.errors import InputError
+from mocca_robot.files import fields
 from mocca_robot.generators.parameters import REQUIRED, Parameters
+
+LARGEST = 1e9
+"""Coordinates beyond leave no digits for the rods' sections."""
 
 DEFAULTS: dict[str, Any] = {
     "lines": REQUIRED,
@@ -85,12 +89,17 @@ def read_lines(path: Path) -> tuple[Array, list[tuple[int, int]], list[str]]:
         data = parse_json(read_text(path), f"'{path}'")
         if not isinstance(data, dict) or not {"nodes", "rods"} <= set(data):
             raise InputError(f'\'{path}\' is no frame; expected {{"nodes": [[x, y, z], …], "rods": [[a, b], …]}}.')
-        try:
-            nodes = np.array(data["nodes"], dtype=np.float64).reshape(-1, 3)
-            rods = [(int(a), int(b)) for a, b in data["rods"]]
-        except (TypeError, ValueError) as error:
-            raise InputError(f"'{path}': nodes are [x, y, z] and rods are [a, b] ({error}).") from error
-        names = [str(n) for n in data.get("names", [f"rod_{k + 1:03d}" for k in range(len(rods))])]
+        lists = [data["nodes"], data["rods"], data.get("names", [])]
+        if not all(isinstance(v, list) for v in lists):
+            raise InputError(f"'{path}': nodes, rods and names are lists; write them in brackets.")
+        nodes = np.array([fields.vector(n, f"'{path}': nodes[{k}]", (3,)) for k, n in enumerate(lists[0])])
+        rods = [_rod(r, f"'{path}': rods[{k}]") for k, r in enumerate(lists[1])]
+        names = [fields.part_name(n, f"'{path}': names[{k}]") for k, n in enumerate(lists[2])]
+        names = names or [f"rod_{k + 1:03d}" for k in range(len(rods))]
+        if len(set(names)) < len(names):
+            raise InputError(f"'{path}': two rods have the same name; names must differ.")
+    if np.abs(nodes).max(initial=0.0) > LARGEST:
+        raise InputError(f"'{path}': a node lies {np.abs(nodes).max():.3g} from the origin; check the model's scale.")
     if not rods or len(names) != len(rods):
         raise InputError(
             f"'{path}' has {len(rods)} rods and {len(names)} names; give at least one rod, a name for each."
@@ -101,6 +110,12 @@ def read_lines(path: Path) -> tuple[Array, list[tuple[int, int]], list[str]]:
     if len({frozenset(r) for r in rods}) < len(rods):
         raise InputError(f"'{path}': two rods join the same nodes; remove one.")
     return nodes, rods, names
+
+
+def _rod(data: object, where: str) -> tuple[int, int]:
+    if not isinstance(data, list) or len(data) != 2:
+        raise InputError(f"{where} must be two numbers of nodes [a, b], not {fields.shown(data)}.")
+    return fields.integer(data[0], where, -1, 10**9), fields.integer(data[1], where, -1, 10**9)
 
 
 def _section(a: Array, b: Array, width: float, height: float) -> list[Array]:

@@ -10,6 +10,8 @@ from mocca_robot.errors import InputError, nearest
 REQUIRED = object()
 """Default of a parameter that has to be given."""
 
+MAX_PARTS = 5000
+
 
 class Parameters:
     """The parameters of one generator; raises InputError for unknown keys when made.
@@ -56,6 +58,11 @@ class Parameters:
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
             raise InputError(f"{where} is {value!r}; it must be a whole number from {low} to {high}.")
         return value
+
+    def require_few(self, parts: int) -> None:
+        """Raise InputError when the generator would make more parts than anything here can work with."""
+        if parts > MAX_PARTS:
+            raise InputError(f"{self.kind} would make {parts} parts; at most {MAX_PARTS} are made. Use smaller counts.")
 
     def flag(self, key: str) -> bool:
         """Return true or false."""

@@ -49,6 +49,8 @@ def shell(given: Mapping[str, Any], folder: Path) -> Assembly:
     for group in read_obj(path):
         points, normals = group.vertices * factor, group.normals
         for k, face in enumerate(group.faces):
+            if len(set(face)) < 3:
+                raise InputError(f"shell.surface: a face of '{path}' has {len(set(face))} corners; remove it.")
             faces.append(tuple(face))
             single = group.name and len(group.faces) == 1
             names.append(group.name if single else f"{group.name or 'block'}_{k + 1:03d}")

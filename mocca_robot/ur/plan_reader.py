@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mocca_robot.errors import InputError, nearest
+from mocca_robot.files.documents import read_text
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.plan import FORMAT, VERSION, Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint
 from mocca_robot.ur.pose import Three, six, three
@@ -31,11 +32,11 @@ def read_plan(path: Path | str, design: Path | str | None = None) -> Plan:
     """
     path = Path(path)
     try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"Cannot read the plan {path}: {error}. Write one with `mocca-robot plan`.") from error
+        raw = json.loads(read_text(path))
     except json.JSONDecodeError as error:
         raise InputError(f"{path} is not JSON (line {error.lineno}: {error.msg}). Plan again.") from error
+    except (ValueError, RecursionError) as error:  # integers of thousands of digits, endless nesting
+        raise InputError(f"{path} cannot be a plan: {error}. Plan again.") from error
     plan = plan_from_document(raw, str(path))
     beside = path.parent / plan.design if plan.design else None
     source = Path(design) if design is not None else (beside if beside is not None and beside.is_file() else None)
@@ -201,7 +202,7 @@ def _numbers(value: object, count: int, where: str) -> list[float]:
         remedy = "x, y, z, rx, ry, rz or six joint angles" if count == 6 else f"exactly {count}"
         raise InputError(f"{where} has {size}; {count} are needed ({remedy}). Plan again.")
     for v in value:
-        if isinstance(v, bool) or not isinstance(v, int | float) or not math.isfinite(v):
+        if isinstance(v, bool) or not isinstance(v, int | float) or not -1e300 < v < 1e300:
             raise InputError(f"{where} holds {_short(v)}, not a finite number. Plan again.")
     return [float(v) for v in value]
 

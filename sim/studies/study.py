@@ -152,4 +152,7 @@ def _values(data: object, where: str) -> tuple[Any, ...]:
         return tuple(float(f"{v:.12g}") for v in values)
     if not isinstance(data, list) or not data:
         raise InputError(f"{where} must be a list of values, or a range {{from: 0, to: 10, count: 5}}.")
+    for k, value in enumerate(data):
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            fields.number(value, f"{where}[{k}]")
     return tuple(data)
