@@ -89,7 +89,7 @@ def frames(scene: Scene, motion: Motion, options: FilmOptions | None = None) -> 
             data.qpos[compiled.qpos] = motion.poses[nearest]
             yield
 
-    yield from rendered(_shown(scene), _camera(scene, options), states, options)
+    yield from rendered(visible_spec(scene), _camera(scene, options), states, options)
 
 
 def rendered(
@@ -208,7 +208,7 @@ def _context(kind: str, options: FilmOptions) -> Any:
     return GLContext(options.width, options.height)
 
 
-def _shown(scene: Scene) -> Any:
+def visible_spec(scene: Scene) -> Any:
     """Return the MjSpec with the parts' surfaces to look at and the collision shapes hidden."""
     import mujoco
 

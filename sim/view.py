@@ -21,13 +21,16 @@ from mocca_robot.verify import case_at, insertion_rim, solve_case
 from sim.contact_model import contact_model, embed
 from sim.directions import insertion_cone
 from sim.mjcf import colour
-from sim.motion import Motion
-from sim.scene import compile_scene
-from sim.stability import free_scene, judged
+from sim.motion import Motion, run
+from sim.scene import Compiled, compile_scene, with_timestep
+from sim.stability import Verdict, free_scene, judged
 
 INSTALL = "The viewer needs viser: `pip install mocca-robot[viewer]`. report.html shows the same without it."
 FRAMES_PER_PART = 15
 FRAME_S = 0.04
+SEEN_FALL = 0.4
+"""Displacement, in assembly sizes, at which a fall has been seen."""
+LONGEST_FALL_S = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +70,22 @@ def shown(assembly: Assembly, contacts: Sequence[Contact], insertion: Mapping[st
     scale = 0.5 * assembly.size / max(float(forces.max(initial=0.0)), 1e-12)
     tails = embed(points)
     arrows = np.stack([tails, tails + scale * forces[:, None] * embed(normals)], axis=1)
-    motion = judged(compile_scene(free_scene(assembly, contact_model(assembly, contacts)))).motion
+    motion = _let_go(compile_scene(free_scene(assembly, contact_model(assembly, contacts))))
     strong = forces > 1e-3 * max(float(forces.max(initial=0.0)), 1e-12)
     return Shown(assembly, ways, np.array(cones).reshape(-1, 2, 3), arrows[strong], motion)
+
+
+def _let_go(compiled: Compiled) -> Motion:
+    """Return the motion of the verdict; of a fall, more than the verdict needs: until it is plain to see."""
+    found = judged(compiled)
+    if found.verdict is not Verdict.FELL:
+        return found.motion
+    size = compiled.scene.assembly.size
+
+    def plain(time: float, displacement: Array, speed: Array) -> bool:
+        return bool(displacement.max() > SEEN_FALL * size)
+
+    return run(with_timestep(compiled, found.timestep), LONGEST_FALL_S, plain, samples=round(LONGEST_FALL_S / 0.01))
 
 
 def poses(what: Shown, placed: float, spread: float, time: float) -> list[tuple[Array, Array, bool]]:
@@ -110,7 +126,7 @@ def open_viewer(what: Shown, port: int = 8080) -> Any:
     free = sum(not p.fixed for p in what.assembly.parts)
     sequence = server.gui.add_slider("sequence", 0.0, float(free), 0.05, float(free))
     spread = server.gui.add_slider("exploded view", 0.0, 1.0, 0.01, 0.0)
-    end = max(float(what.motion.times[-1]), 0.01)
+    end = max(round(float(what.motion.times[-1]), 2), 0.01)
     time = server.gui.add_slider("let go: time (s)", 0.0, end, 0.01, 0.0)
     boxes = {name: server.gui.add_checkbox(name, True) for name in extras}
 

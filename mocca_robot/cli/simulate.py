@@ -94,11 +94,12 @@ def run(args: argparse.Namespace) -> int:
     else:
         outcome = stages.judged_as_is(config, contacts, console)
     outcome, interrupted = stages.simulated(outcome, asked, folder, console)
+    outcome = stages.reported(outcome, config, folder, console)
+    # After the report, which is there then also where OpenGL is missing.
     if args.film and not interrupted:
         with console.stage("film"):
             film = _film(outcome.design.assembly, asked.friction, Path(args.film))
         outcome = replace(outcome, files={**outcome.files, "film": film})
-    outcome = stages.reported(outcome, config, folder, console)
     return conclude(outcome, console, interrupted=interrupted)
 
 

@@ -11,7 +11,8 @@ from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
 
 DESCRIPTION = """Shows parts in the browser: the sequence, an exploded view, insertion cones, contact forces, and what
-happens when the finished assembly is let go. Needs viser: pip install mocca-robot[viewer]. Ctrl-C ends it."""
+happens when the finished assembly is let go. Needs viser: pip install mocca-robot[viewer]. Ctrl-C ends it. With
+--mujoco the finished assembly is let go in MuJoCo's own window instead, where parts can be pulled."""
 
 
 def add(commands: Any) -> None:
@@ -22,6 +23,7 @@ def add(commands: Any) -> None:
     arguments.add_input(parser, "X")
     parser.add_argument("--export", metavar="FILE", help="write a self-contained page that plays it, and end")
     parser.add_argument("--port", type=int, default=8080, metavar="N", help="on this machine (default 8080)")
+    parser.add_argument("--mujoco", action="store_true", help="MuJoCo's own viewer instead; needs a screen")
     arguments.add_json(parser)
     parser.set_defaults(run=run)
 
@@ -36,6 +38,11 @@ def run(args: argparse.Namespace) -> int:
         config = arguments.load(args)
         report = find_contacts(config.assembly)
         require_sound(config.assembly, report)
+    if args.mujoco:
+        from sim.native_view import open_native_viewer
+
+        open_native_viewer(config.assembly, report.contacts, config.simulate.friction)
+        return console.finish(0, {})
     with console.stage("view"):
         what = shown(config.assembly, report.contacts, dict(config.insertion))
         if args.export:
