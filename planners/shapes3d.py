@@ -137,9 +137,14 @@ class Shapes3D:
         """Return (E,) shorter sides of the rectangles, m."""
         return read_only(np.linalg.norm(self.rectangles.edge_y, axis=1))
 
+    @property
+    def _segments(self) -> int:
+        """Straight pieces per flank: one makes a truncated pyramid, which saws and wires can cut."""
+        return 1 if self.options.piecewise_planar else FLANK_SEGMENTS
+
     @cached_property
     def _pattern(self) -> BumpPattern:
-        return bump_pattern(FLANK_SEGMENTS, "n")
+        return bump_pattern(self._segments, "n")
 
     @cached_property
     def _telling(self) -> IntArray:
@@ -148,7 +153,9 @@ class Shapes3D:
         A subset of the normals spans a smaller cone, so what holds with them holds with all (Theorem 3.2).
         """
         corners = self._pattern.xy[self._pattern.triangles].mean(axis=1)
-        strip = np.minimum(corners, 1.0 - corners) * 3.0 * FLANK_SEGMENTS
+        strip = np.minimum(corners, 1.0 - corners) * 3.0 * self._segments
+        if self._segments == 1:  # every flank is one plane
+            return np.asarray(np.flatnonzero((strip < 1.0).any(axis=1)))
         steep = (strip > 1.0) & (strip < FLANK_SEGMENTS - 1.0)
         inner = strip > 1.0
         return np.asarray(np.flatnonzero((steep[:, 0] & inner[:, 1]) | (steep[:, 1] & inner[:, 0])))
@@ -221,6 +228,8 @@ class Shapes3D:
         # Tightest at the knots: width² / (6 rise), with flanks a third of the shorter side wide.
         flank = shape[:, 1] / 3.0
         missing = self.options.min_radius / self.lengths - flank**2 / (6.0 * np.maximum(np.abs(height), 1e-9))
+        if self.options.piecewise_planar:  # planes have no radius
+            missing = np.full_like(missing, -1.0)
         return np.stack([low - height, height - high, np.where(np.abs(height) > 1e-4, missing, -1.0)], axis=1)
 
     def candidate_rays(self) -> tuple[Array, Array, Array]:
@@ -266,7 +275,7 @@ class Shapes3D:
             return planar(contact)
         low, high = 0.5 - 0.5 * float(shape[1]), 0.5 + 0.5 * float(shape[1])
         covered = rectangle.part((low, low), (high, high))
-        return bicubic_joint(contact, covered, float(shape[0] * self.lengths[index]), u)
+        return bicubic_joint(contact, covered, float(shape[0] * self.lengths[index]), u, self._segments)
 
 
 def _towards(normal: Array, way_out: Array, most_rad: float) -> Array:

@@ -43,6 +43,21 @@ def test_what_is_written_stands_and_goes_together(name: str, tmp_path: Path) -> 
     assert min(i.alpha_rad for i in judged.insertions) >= alpha - 1e-6
 
 
+def test_the_ball_interlocks_with_joints_of_flat_flanks_too(tmp_path: Path) -> None:
+    config = load(CONFIGS / "sphere.yaml", {"joints": {"piecewise_planar": True}})
+    found = design(config.assembly, config.joints)
+    assert found.achieved
+    curved = [joint for joint in found.design.joints if not joint.is_planar]
+    assert {joint.kind for joint in curved} == {"piecewise"}
+    # A truncated pyramid has 18 triangles in at most 13 planes: four flanks, four corners of two, the top.
+    for joint in curved:
+        assert len(np.unique(joint.facet_normals.round(6), axis=0)) <= 14, "and the flat rim"
+    written = read_design(write_design(found.design, tmp_path))
+    judged = verify(written.assembly, directions={i.part: np.asarray(i.direction) for i in written.insertion})
+    assert judged.stands and judged.assemblable
+    assert judged.part_overlap < OVERLAP
+
+
 @pytest.mark.long
 def test_a_small_subset_of_the_towers_contacts_changes() -> None:
     config = load(CONFIGS / "lilium_tower.yaml")
