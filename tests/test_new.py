@@ -156,3 +156,35 @@ def test_config_show_says_where_every_value_comes_from(here: Path, capsys: pytes
     again["model"] = str(CONFIGS / "models/scarecrow.svg")
     Path("again.yaml").write_text(json.dumps(again), encoding="utf-8")
     assert load("again.yaml").assembly.sequence == load("c.yaml").assembly.sequence
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        (["desing", "x"], "design"),
+        (["check", "x", "--picure", "y"], "--picture"),
+        (["export", "x", "--format", "compass"], "compas"),
+        (["config", "shwo", "x"], "show"),
+    ],
+)
+def test_unknown_words_come_with_the_nearest_known_one(
+    typed: list[str], meant: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["mocca-robot", *typed])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 2
+    assert f"did you mean {meant}?" in capsys.readouterr().err
+
+
+def test_info_says_when_a_robot_does_not_answer(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", "--robot", "127.0.0.111", "--json"]) == 1
+    assert "No robot answers at 127.0.0.111" in json.loads(capsys.readouterr().out)["robot"]["problem"]
+
+
+def test_windows_newlines_and_byte_order_marks_are_read(here: Path) -> None:
+    assert main(["new", "bridge"]) == 0
+    for name in ("bridge.yaml", "bridge.svg"):
+        text = Path(name).read_text(encoding="utf-8")
+        Path(name).write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
+    assert len(load("bridge.yaml").assembly.parts) == 5

@@ -23,8 +23,9 @@ RENDER = "import mujoco; c = mujoco.GLContext(16, 16); c.make_current(); c.free(
 
 def add(commands: Any) -> None:
     """Add the command."""
-    text = "versions of packages and solvers, OpenGL, Python, processor"
+    text = "versions of packages and solvers, OpenGL, Python, processor, and whether a robot answers"
     parser: argparse.ArgumentParser = commands.add_parser("info", help=text, description=text)
+    parser.add_argument("--robot", metavar="HOST", help="ask the controller there who it is; nothing moves")
     arguments.add_json(parser)
     parser.set_defaults(run=run)
 
@@ -43,7 +44,7 @@ def version(package: str) -> str | None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Return 0 after telling what is installed."""
+    """Return 0 after telling what is installed, and 1 when the robot that was asked for does not answer."""
     console = Console(args.json)
     with console.stage("look"):
         found: dict[str, Any] = {
@@ -64,7 +65,26 @@ def run(args: argparse.Namespace) -> int:
         console.say(f"{title}: {', '.join(told)}")
     if not any(state == "works" for state in found["opengl"].values()):
         console.say("No OpenGL: pictures and films of MuJoCo need libegl1 or libosmesa6; all numbers come without.")
-    return console.finish(0, found)
+    if args.robot is None:
+        return console.finish(0, found)
+    with console.stage("robot"):
+        found["robot"] = robot(args.robot)
+    for key, value in found["robot"].items():
+        console.say(f"robot {key.replace('_', ' ')}: {value}")
+    return console.finish(0 if "problem" not in found["robot"] else 1, found)
+
+
+def robot(host: str) -> dict[str, Any]:
+    """Return what the controller at `host` says about itself, or the 'problem' that keeps it from answering."""
+    from dataclasses import asdict
+
+    from mocca_robot.errors import EnvironmentNeeded
+    from mocca_robot.ur.dashboard import identify
+
+    try:
+        return {"host": host, **asdict(identify(host))}
+    except (EnvironmentNeeded, OSError, ValueError) as error:
+        return {"host": host, "problem": str(error)}
 
 
 def solver(name: str) -> str | None:

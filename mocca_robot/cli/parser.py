@@ -29,6 +29,7 @@ from mocca_robot.cli import (
     view,
 )
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.spelling import Parser
 from mocca_robot.errors import MoccaError
 
 UNUSABLE, INTERNAL, INTERRUPTED = 2, 70, 130
@@ -68,7 +69,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser with every command that is installed."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="mocca-robot",
         description="Cone joints for structures that stand without glue, screws or friction.",
         epilog=EPILOG,
