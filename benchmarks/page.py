@@ -193,6 +193,7 @@ CHAPTERS: dict[str, tuple[str, Callable[[Run, Path], str]]] = {
     "statics": ("Statics: E of one load case", _statics),
     "tilt_sweep": ("Statics: 31 tilts from 0° to 15°", _statics),
     "friction": ("Statics with friction", _statics),
+    "states": ("Verdicts while building, with friction", _statics),
     "contacts": ("Contacts", _contacts),
     "physics": ("Physics", _physics),
     "agreement": ("Statics against physics: random assemblies", _agreement),

@@ -37,9 +37,9 @@ UNEVEN = 0.3
 """Spread of the first prices (standard deviation of their logarithm)."""
 FIRST_GROUPS = 8
 TRIALS = 120
-FULL_EFFORT = 400
-"""Joints up to which all passes and trials are made. Beyond, as many fewer as there are more joints: each one costs
-more, and thinning must not take longer than finding a design that holds."""
+FULL_EFFORT = 330
+"""Joints up to which all passes and trials are made. Beyond, their number falls with the square of the joints: each one
+costs more, and thinning must not take longer than finding a design that holds."""
 FEWEST_PASSES = 2
 
 
@@ -85,7 +85,7 @@ def thin(problem: Problem, found: Polished, watch: Callable[[Polished], None] | 
 
 
 def _effort(problem: Problem) -> float:
-    return min(1.0, FULL_EFFORT / len(problem.pairs))
+    return min(1.0, (FULL_EFFORT / len(problem.pairs)) ** 2)
 
 
 def _concentrated(problem: Problem, parameters: Parameters) -> tuple[Parameters, Array]:
