@@ -71,6 +71,8 @@ class LocalProcesses(Executor):
 
     def _attempt(self, fn: Callable[..., T], args: tuple[Any, ...], kwargs: dict[str, Any]) -> T:
         for _ in range(ATTEMPTS):
+            if self._closing:
+                raise CancelledError
             pool: ProcessPoolExecutor | None = getattr(self._here, "pool", None)
             if pool is None:
                 pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _deaf_to_interrupts)
@@ -81,8 +83,6 @@ class LocalProcesses(Executor):
             except BrokenProcessPool:
                 self._pools.discard(pool)
                 self._here.pool = None
-                if self._closing:
-                    raise CancelledError from None
         raise WorkerLost(
             f"The process that worked on this died {ATTEMPTS} times. Out of memory is the usual reason: "
             "use fewer jobs, or a smaller problem."
