@@ -6,17 +6,18 @@ import sys
 import time
 
 from compas.datastructures import Mesh
-from compas_assembly.datastructures import Block
+from compas_assembly.datastructures import Assembly, Block
 from compas_cra.algorithms import assembly_interfaces_numpy as interfaces_of_cra
 from compas_cra.datastructures import CRA_Assembly
 from compas_cra.equilibrium import rbe_solve
 
 request = json.load(sys.stdin)
-assembly = CRA_Assembly()
+assembly = CRA_Assembly() if request["tool"] == "compas_cra" else Assembly()
 for node, solid in enumerate(request["solids"]):
     block = Mesh.from_vertices_and_faces(solid["vertices"], solid["faces"]).copy(cls=Block)
     assembly.add_block(block, node=node)
-assembly.set_boundary_conditions(request["fixed"])
+if request["tool"] == "compas_cra":
+    assembly.set_boundary_conditions(request["fixed"])
 begin = time.process_time()
 if request["tool"] == "compas_cra":
     interfaces_of_cra(assembly, nmax=10, amin=1e-2, tmax=1e-2)

@@ -102,6 +102,9 @@ def _peer(
         answer = json.loads(done.stdout.splitlines()[-1])
     except subprocess.TimeoutExpired:
         return Measurement("contacts", name, row, 120.0, 0, "timeout", np.nan, np.nan)
+    except subprocess.CalledProcessError as error:
+        reason = (error.stderr.strip().splitlines() or [""])[-1]
+        return Measurement("contacts", name, row, np.nan, 0, f"failed: {reason[:80]}", np.nan, np.nan)
     except (subprocess.SubprocessError, OSError, ValueError, IndexError) as error:
         return Measurement("contacts", name, row, np.nan, 0, f"failed: {type(error).__name__}", np.nan, np.nan)
     said = _words(answer["pairs"], expected)

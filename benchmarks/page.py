@@ -21,7 +21,10 @@ INTRODUCTION = """<!-- Written by `python -m benchmarks page` from what `make be
 Every number here was measured by `make bench` on one machine, each chapter's tools side by side in one run. Yours will
 differ: run it to have this page for your computer. Seconds are the median of a process's CPU time unless a line says
 otherwise: that is disturbed less than the clock by what ran beside. `kkt` is the relative residual of the optimality
-conditions, computed in the same way for every solver. [Performance](performance.md) says how to run one of them.
+conditions, computed in the same way for every solver. Time limits are by the clock. Each chapter names the load at its
+end: where that is above the number of cores, others used the machine as well, and all times are longer than they would
+be on a quiet one. Chapters and cases that have not been measured are missing. [Performance](performance.md) says how to
+run one of them.
 """
 CONFIGS_TEXT = """The article's times are those of its Table 1 (Knitro, 64 cores, wall clock); ours are CPU seconds
 of all threads together, contacts included."""
