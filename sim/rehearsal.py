@@ -130,7 +130,8 @@ class Rehearsal:
 
     Attributes:
         parts: one per step that was begun.
-        whole: the finished structure without its supports; None when it was not reached.
+        whole: the finished structure without its supports, or, where only some parts were asked for, what they are with
+            theirs; None when it was not reached.
         planned: number of parts that were to be placed.
         interrupted: Ctrl-C came before the end.
         simulated_s, seconds: simulated time, and wall time.
@@ -150,6 +151,11 @@ class Rehearsal:
     place: Workplace = field(repr=False)
     frames: tuple[Frame, ...] = field(repr=False)
     chapters: tuple[Chapter, ...] = field(repr=False)
+
+    @property
+    def partial(self) -> bool:
+        """Return whether only some of the plan's parts were asked for."""
+        return self.planned < len(self.plan.steps)
 
     @property
     def succeeded(self) -> bool:
@@ -313,8 +319,11 @@ def rehearse(
             result = execute(plan, arm, log, listener=log.listen)
             interrupted = result.status is ExecutionStatus.CANCELLED
             if result.status is ExecutionStatus.SUCCEEDED and all(p.succeeded for p in log.parts):
-                arm.hold_key(_key(place))
-                whole = watch(arm, None)
+                if options.parts is not None and options.parts < len(whole_plan.steps):
+                    whole = log.parts[-1].standing
+                else:
+                    arm.hold_key(_key(place))
+                    whole = watch(arm, None)
         except CannotBelieve as broken:
             step = plan.steps[len(log.parts)] if len(log.parts) < len(plan.steps) else plan.steps[-1]
             detail = f"no verdict: {broken}"

@@ -39,6 +39,7 @@ def rehearsal_to_data(rehearsal: Rehearsal) -> dict[str, Any]:
         },
         "supports": list(plan.supports),
         "planned_parts": rehearsal.planned,
+        "partial": rehearsal.partial,
         "succeeded": rehearsal.succeeded,
         "interrupted": rehearsal.interrupted,
         "simulated_s": rehearsal.simulated_s,

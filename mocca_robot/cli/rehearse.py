@@ -146,9 +146,11 @@ def closing(result: Rehearsal) -> list[str]:
     placed = sum(p.succeeded for p in result.parts)
     out = [f"{placed} of {result.planned} parts placed; {result.simulated_s:.0f} s simulated in {result.seconds:.0f} s"]
     if result.whole is not None:
-        what = "without its supports " if result.plan.supports else ""
         verdict = {True: "stands", False: "falls", None: "gives no verdict"}[result.whole.stands]
-        out.append(f"the whole {what}{verdict}: {result.whole.reason}")
+        what = "what was built" if result.partial else "the whole"
+        if result.plan.supports:
+            what += " with its supports" if result.partial else " without its supports"
+        out.append(f"{what} {verdict}: {result.whole.reason}")
     if result.interrupted:
         out.append("interrupted: what was seen until then is written")
     return out

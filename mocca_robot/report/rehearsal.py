@@ -83,8 +83,9 @@ def _whole(data: Mapping[str, Any]) -> str:
     whole = data["whole"]
     if whole is None:
         return "<p>The finished structure was not reached.</p>"
-    taken = f" without its supports ({listed(data['supports'], 6)})" if data["supports"] else ""
-    return f"<p>The whole{taken}: {_standing(whole)} {esc(whole['reason'])}.</p>"
+    word = "with" if data["partial"] else "without"
+    taken = f" {word} its supports ({listed(data['supports'], 6)})" if data["supports"] else ""
+    return f"<p>{'What was built' if data['partial'] else 'The whole'}{taken}: {_standing(whole)} {esc(whole['reason'])}.</p>"
 
 
 def _standing(standing: Mapping[str, Any] | None) -> str:
