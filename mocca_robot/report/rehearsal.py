@@ -85,7 +85,8 @@ def _whole(data: Mapping[str, Any]) -> str:
         return "<p>The finished structure was not reached.</p>"
     word = "with" if data["partial"] else "without"
     taken = f" {word} its supports ({listed(data['supports'], 6)})" if data["supports"] else ""
-    return f"<p>{'What was built' if data['partial'] else 'The whole'}{taken}: {_standing(whole)} {esc(whole['reason'])}.</p>"
+    what = ("What was built" if data["partial"] else "The whole") + taken
+    return f"<p>{what}: {_standing(whole)} {esc(whole['reason'])}.</p>"
 
 
 def _standing(standing: Mapping[str, Any] | None) -> str:
