@@ -89,7 +89,7 @@ def index(known: dict[str, dict[str, Any]]) -> str:
         tilt = "–" if ABOUT[name][1] == "interlocking" else f"{f['tilt_deg']['after']:.1f}°"
         lines.append(
             f"| [{ABOUT[name][0]}]({name}.md) | {f['parts']} | {f['contacts']} | {f['curved']} | {alpha} | "
-            f"{f['tightest']['deg']:.1f}° | {f['e_before']:.2g} | {tilt} | {f['seconds']['total']:.2g} s | "
+            f"{f['tightest']['deg']:.1f}° | {f['e_before']:.2g} | {tilt} | {seconds(f['seconds']['total'])} | "
             f"{minutes(ABOUT[name][3])} |"
         )
     lines += [
@@ -170,7 +170,7 @@ def table(f: dict[str, Any], article: float) -> list[str]:
     elif f.get("finished"):
         told = f["finished"]
         rows.append(("MuJoCo", f"finished, let go: {told['verdict']}, {told['reason']} ({told['engine']})"))
-    rows.append(("design", f"{f['seconds']['total']:.2g} s; the article's {minutes(article)} on 64 cores"))
+    rows.append(("design", f"{seconds(f['seconds']['total'])}; the article's {minutes(article)} on 64 cores"))
     return ["| | |", "|---|---|", *(f"| {key} | {value} |" for key, value in rows)]
 
 
@@ -186,6 +186,11 @@ def compared(f: dict[str, Any]) -> list[str]:
         locked = "**yes**" if v["deadlocked"] else "no"
         lines.append(f"| {v['name']} | {stands[0]} | {stands[1]} | {tilt} | {way} | {narrow} | {locked} |")
     return [*lines, ""]
+
+
+def seconds(value: float) -> str:
+    """Return seconds with two digits, whole ones from ten on."""
+    return f"{value:.0f} s" if value >= 10 else f"{value:.2g} s"
 
 
 def minutes(value: float) -> str:
