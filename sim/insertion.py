@@ -30,6 +30,9 @@ from sim.scene import Compiled, Hand, Scene, compile_scene
 from sim.settings import settings_for
 from sim.solid_pieces import solid_pieces
 
+GENTLE = 0.8
+"""Share of the force allowed for meeting a neighbour that the speed of a part gripped off its place may use up."""
+
 
 @dataclass(frozen=True)
 class InsertionTrial:
@@ -166,8 +169,12 @@ def insert(
     travel = _travel(ready, direction.vector) + hand.lead * size
     steps = max(1, hand.steps)
     if effective > 0.0:
+        # A mass m on a spring k that meets a wall at speed v adds v √(k m) to the spring's force.
+        mass = assembly.parts[cone.part].mass
+        spare = hand.weight_share * weight + hand.impact * scene.hand.stiffness * effective
+        gentle = GENTLE * spare / np.sqrt(scene.hand.stiffness * mass)
         # Minimum jerk peaks at 15/8 of the mean speed.
-        steps = max(steps, int(1.875 * travel / hand.touching_speed / model.opt.timestep))
+        steps = max(steps, int(1.875 * travel / min(hand.touching_speed, gentle) / model.opt.timestep))
     path = HandPath(model, compiled, cone.part, direction.vector, travel, offset, steps)
     data = mujoco.MjData(model)
     heard()
