@@ -11,23 +11,15 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
-import numpy as np
-
-from mocca_robot.assembly import Array, Assembly, BoolArray
+from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import Contact, find_contacts
 from mocca_robot.errors import InputError
-from mocca_robot.loads import LoadCase
-from mocca_robot.motion_cone import largest_cone
-from mocca_robot.verify import insertion_rim, solve_case, sweep_blockers
-from mocca_robot.ways_out import spread_directions
+from planners.exits import Exits, State
+from planners.held_parts import LARGE, HeldParts
 
-State = frozenset[int]
-
-LARGE = 20
-"""With more free parts the first order found is kept, and parts to hold are chosen by how much they move."""
 CANDIDATES = 6
 """Parts that could leave next, highest first, of which the best is taken."""
 
@@ -134,8 +126,8 @@ def find_sequence(
         raise InputError(f"holders is {holders}; give 0 or more.")
     if contacts is None:
         contacts = find_contacts(assembly).contacts
-    exits = _Exits(assembly, contacts, directions or (36 if assembly.dimension == 2 else 120))
-    statics = _Statics(assembly, contacts, friction)
+    exits = Exits(assembly, contacts, directions or (36 if assembly.dimension == 2 else 120))
+    statics = HeldParts(assembly, contacts, friction)
     locked = _deadlocked(exits)
     if locked:
         names = assembly.sequence
@@ -148,7 +140,7 @@ def find_sequence(
     return _search(assembly, exits, statics, holders, states)
 
 
-def _deadlocked(exits: _Exits) -> State:
+def _deadlocked(exits: Exits) -> State:
     """Return the parts that stay when everything that can leave has left, in whatever order."""
     there = exits.free
     while True:
@@ -158,7 +150,7 @@ def _deadlocked(exits: _Exits) -> State:
         there = there - {leaving}
 
 
-def _search(assembly: Assembly, exits: _Exits, statics: _Statics, holders: int | None, budget: int) -> SequenceResult:
+def _search(assembly: Assembly, exits: Exits, statics: HeldParts, holders: int | None, budget: int) -> SequenceResult:
     """Return the better of what taking away from the top finds and of a uniform-cost search from the whole assembly to
     its fixed parts, the cost being the supports of all states passed.
 
@@ -212,7 +204,7 @@ def _states(whole: State, removed: Sequence[int]) -> Iterator[State]:
         yield there
 
 
-def _from_the_top(exits: _Exits, statics: _Statics, holders: int | None) -> tuple[int, ...] | None:
+def _from_the_top(exits: Exits, statics: HeldParts, holders: int | None) -> tuple[int, ...] | None:
     """Return an order of removal without going back: the highest part that can leave, unless another one of the first
     few leaves a state behind that needs fewer holders; None when `holders` do not suffice somewhere.
     """
@@ -241,13 +233,13 @@ def _from_the_top(exits: _Exits, statics: _Statics, holders: int | None) -> tupl
 
 
 def _found(
-    names: Sequence[str], exits: _Exits, statics: _Statics, removed: tuple[int, ...], *, fewest: bool
+    names: Sequence[str], exits: Exits, statics: HeldParts, removed: tuple[int, ...], *, fewest: bool
 ) -> SequenceResult:
     placements = _placements(names, exits, statics, removed[::-1])
     return SequenceResult(SequenceStatus.FOUND, placements, states=len(statics.known), fewest=fewest)
 
 
-def _stopped(status: SequenceStatus, names: Sequence[str], statics: _Statics, stuck: State) -> SequenceResult:
+def _stopped(status: SequenceStatus, names: Sequence[str], statics: HeldParts, stuck: State) -> SequenceResult:
     return SequenceResult(
         status,
         remaining=_names(names, stuck),
@@ -261,7 +253,7 @@ def _names(names: Sequence[str], parts: State | tuple[int, ...]) -> tuple[str, .
 
 
 def _placements(
-    names: Sequence[str], exits: _Exits, statics: _Statics, order: tuple[int, ...]
+    names: Sequence[str], exits: Exits, statics: HeldParts, order: tuple[int, ...]
 ) -> tuple[Placement, ...]:
     placements = []
     for k, part in enumerate(order):
@@ -273,149 +265,3 @@ def _placements(
         held = _names(names, statics.held(there))
         placements.append(Placement(names[part], -axis, alpha, held))
     return tuple(placements)
-
-
-@dataclass
-class _Exits:
-    """Ways out of parts, remembered: which parts a direction meets does not depend on the state."""
-
-    assembly: Assembly
-    contacts: Sequence[Contact]
-    count: int
-    met: dict[tuple[int, tuple[float, ...]], State] = field(default_factory=dict)
-    open: dict[int, tuple[State, tuple[Array, float]]] = field(default_factory=dict)
-    barred: dict[int, State] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        parts = self.assembly.parts
-        self.fixed = frozenset(np.flatnonzero(self.assembly.fixed).tolist())
-        self.free: State = frozenset(range(len(parts))) - self.fixed
-        self.alpha = self.assembly.alpha_rad or 0.0
-        self.spread = spread_directions(self.assembly.dimension, self.count)
-        self.last: dict[int, Assembly] = {}
-        down = self.assembly.gravity
-        self.height = -np.array([p.centroid for p in parts]) @ down / max(float(np.linalg.norm(down)), 1e-12)
-        self.normals: dict[int, list[tuple[int, Array]]] = {p: [] for p in self.free}
-        for contact in self.contacts:
-            i, j = contact.parts
-            if j in self.normals:
-                self.normals[j].append((i, contact.normal))
-            if i in self.normals:
-                self.normals[i].append((j, -contact.normal))
-
-    def from_the_top(self, there: State) -> list[int]:
-        """Return the parts of a state, the highest first; at one height the one placed last in the given order."""
-        return sorted(there, key=lambda p: (-round(float(self.height[p]), 9), -p))
-
-    def way_out(self, part: int, there: State) -> tuple[Array, float] | None:
-        """Return a unit direction (d,) along which `part` leaves the free parts `there`, with the room around it at
-        least. What is known is used again: a way stays free when others have left, and stays barred while what bars it
-        is there.
-        """
-        others = (there | self.fixed) - {part}
-        if part in self.open and others <= self.open[part][0]:
-            return self.open[part][1]
-        if part in self.barred and self.barred[part] <= others:
-            return None
-        found = self.exact_way_out(part, there)
-        if found is not None:
-            self.open[part] = others, found
-        return found
-
-    def exact_way_out(self, part: int, there: State) -> tuple[Array, float] | None:
-        """Return the same, looked for anew."""
-        others = (there | self.fixed) - {part}
-        d = self.assembly.dimension
-        touching = [(other, n) for other, n in self.normals[part] if other in others]
-        normals = np.array([n for _, n in touching]).reshape(-1, d)
-        barring = {other for other, _ in touching}
-        room, axis = largest_cone(normals)
-        if room >= self.alpha - 1e-9:
-            slack = np.arcsin(np.clip((self.spread @ normals.T).min(axis=1, initial=1.0), -1.0, 1.0))
-            order = np.argsort(-slack, kind="stable")
-            for way, free in [(axis, room), *((self.spread[k], float(slack[k])) for k in order)]:
-                if free < self.alpha - 1e-9:
-                    break
-                met = self._meets(part, way) & others
-                if not met:
-                    return way, free
-                barring |= met
-        self.barred[part] = frozenset(barring)
-        return None
-
-    def _meets(self, part: int, way: Array) -> State:
-        key = (part, tuple(np.round(way, 9).tolist()))
-        if key not in self.met:
-            if part not in self.last:
-                parts = self.assembly.parts
-                others = (*parts[:part], *parts[part + 1 :])
-                self.last[part] = replace(self.assembly, goals=(), parts=(*others, parts[part]))
-            hit = sweep_blockers(self.last[part], len(self.assembly.parts) - 1, insertion_rim(way, self.alpha))
-            self.met[key] = frozenset(h if h < part else h + 1 for h in hit)
-        return self.met[key]
-
-    def blockers(self, part: int, there: State) -> tuple[int, ...]:
-        """Return the parts present that bar `part`, those that bar most of the directions first."""
-        others = (there | self.fixed) - {part}
-        votes = dict.fromkeys(others, 0)
-        for way in self.spread:
-            barring = {o for o, n in self.normals[part] if o in others and n @ way < np.sin(self.alpha) - 1e-9}
-            barring |= self._meets(part, way) & others if not barring else set()
-            for other in barring:
-                votes[other] += 1
-        return tuple(sorted((o for o in others if votes[o]), key=lambda o: -votes[o]))
-
-
-@dataclass
-class _Statics:
-    """Which parts have to be held in a state, remembered."""
-
-    assembly: Assembly
-    contacts: Sequence[Contact]
-    friction: float
-    known: dict[State, tuple[int, ...]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        self.mass = np.array([p.mass for p in self.assembly.parts])
-
-    def held(self, there: State, near: tuple[int, ...] | None = None) -> tuple[int, ...]:
-        """Return parts that, held, let the state stand: few, and not always fewest.
-
-        One after the other is added: the one that helps most, or, in large states, the one that moves most, after
-        those of a state `near`; then those are left out that are not needed after all.
-        """
-        if there not in self.known:
-            large = len(there) > LARGE
-            held = tuple(p for p in near or () if p in there) if large else ()
-            given = len(held)
-            moving = self._moving(there, held)[1]
-            while moving:
-                if large:
-                    held = (*held, moving[0])
-                else:
-                    held = (*held, min(moving, key=lambda p: (self._moving(there, (*held, p))[0], p)))
-                moving = self._moving(there, held)[1]
-            for p in held[given:-1] if large else ():
-                fewer = tuple(h for h in held if h != p)
-                if not self._moving(there, fewer)[1]:
-                    held = fewer
-            self.known[there] = tuple(sorted(held))
-        return self.known[there]
-
-    def _moving(self, there: State, held: tuple[int, ...]) -> tuple[float, tuple[int, ...]]:
-        """Return how far the state is from equilibrium, and which parts move, the fastest falling weights first."""
-        present: BoolArray = np.array(self.assembly.fixed)
-        present[list(there)] = True
-        fixed: BoolArray = np.array(self.assembly.fixed)
-        fixed[list(held)] = True
-        if not (present & ~fixed).any():
-            return 0.0, ()
-        case = LoadCase("state", self.assembly.gravity, present, fixed)
-        verdict = solve_case(self.assembly, self.contacts, case, self.friction)
-        if verdict.result.stands:
-            return 0.0, ()
-        d = self.assembly.dimension
-        power = verdict.result.motions[:, :d] @ self.assembly.gravity * self.mass
-        moving = [self.assembly.index(n) for n in verdict.moving]
-        free = [p for p in moving if not fixed[p]] or [p for p in sorted(there) if not fixed[p]]
-        return float(verdict.result.infeasibility), tuple(sorted(free, key=lambda p: (-float(power[p]), p)))

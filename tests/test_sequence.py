@@ -184,14 +184,14 @@ def test_upright_tenons_deadlock_a_ball_and_say_who_locks_whom() -> None:
 
 
 def test_what_is_known_about_ways_out_stays_true_when_parts_leave() -> None:
-    from planners.sequence import _Exits
+    from planners.exits import Exits
 
     assembly = random_assembly("wall", 3)
-    exits = _Exits(assembly, find_contacts(assembly).contacts, 36)
+    exits = Exits(assembly, find_contacts(assembly).contacts, 36)
     there = exits.free
     while there:
         leaving = [p for p in exits.from_the_top(there) if exits.way_out(p, there) is not None]
-        fresh = _Exits(assembly, exits.contacts, 36)
+        fresh = Exits(assembly, exits.contacts, 36)
         assert leaving == [p for p in fresh.from_the_top(there) if fresh.exact_way_out(p, there) is not None]
         if not leaving:
             break

@@ -1,0 +1,108 @@
+"""Ways out of a partly built assembly: along which straight line can a part leave, and which parts bar it?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mocca_robot.assembly import Array, Assembly
+from mocca_robot.contacts import Contact
+from mocca_robot.motion_cone import largest_cone
+from mocca_robot.verify import insertion_rim, sweep_blockers
+from mocca_robot.ways_out import spread_directions
+
+State = frozenset[int]
+"""The free parts that are there, by their numbers."""
+
+
+@dataclass
+class Exits:
+    """Ways out of parts, remembered: which parts a direction meets does not depend on the state."""
+
+    assembly: Assembly
+    contacts: Sequence[Contact]
+    count: int
+    met: dict[tuple[int, tuple[float, ...]], State] = field(default_factory=dict)
+    open: dict[int, tuple[State, tuple[Array, float]]] = field(default_factory=dict)
+    barred: dict[int, State] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        parts = self.assembly.parts
+        self.fixed = frozenset(np.flatnonzero(self.assembly.fixed).tolist())
+        self.free: State = frozenset(range(len(parts))) - self.fixed
+        self.alpha = self.assembly.alpha_rad or 0.0
+        self.spread = spread_directions(self.assembly.dimension, self.count)
+        self.last: dict[int, Assembly] = {}
+        down = self.assembly.gravity
+        self.height = -np.array([p.centroid for p in parts]) @ down / max(float(np.linalg.norm(down)), 1e-12)
+        self.normals: dict[int, list[tuple[int, Array]]] = {p: [] for p in self.free}
+        for contact in self.contacts:
+            i, j = contact.parts
+            if j in self.normals:
+                self.normals[j].append((i, contact.normal))
+            if i in self.normals:
+                self.normals[i].append((j, -contact.normal))
+
+    def from_the_top(self, there: State) -> list[int]:
+        """Return the parts of a state, the highest first; at one height the one placed last in the given order."""
+        return sorted(there, key=lambda p: (-round(float(self.height[p]), 9), -p))
+
+    def way_out(self, part: int, there: State) -> tuple[Array, float] | None:
+        """Return a unit direction (d,) along which `part` leaves the free parts `there`, with the room around it at
+        least. What is known is used again: a way stays free when others have left, and stays barred while what bars it
+        is there.
+        """
+        others = (there | self.fixed) - {part}
+        if part in self.open and others <= self.open[part][0]:
+            return self.open[part][1]
+        if part in self.barred and self.barred[part] <= others:
+            return None
+        found = self.exact_way_out(part, there)
+        if found is not None:
+            self.open[part] = others, found
+        return found
+
+    def exact_way_out(self, part: int, there: State) -> tuple[Array, float] | None:
+        """Return the same, looked for anew."""
+        others = (there | self.fixed) - {part}
+        d = self.assembly.dimension
+        touching = [(other, n) for other, n in self.normals[part] if other in others]
+        normals = np.array([n for _, n in touching]).reshape(-1, d)
+        barring = {other for other, _ in touching}
+        room, axis = largest_cone(normals)
+        if room >= self.alpha - 1e-9:
+            slack = np.arcsin(np.clip((self.spread @ normals.T).min(axis=1, initial=1.0), -1.0, 1.0))
+            order = np.argsort(-slack, kind="stable")
+            for way, free in [(axis, room), *((self.spread[k], float(slack[k])) for k in order)]:
+                if free < self.alpha - 1e-9:
+                    break
+                met = self._meets(part, way) & others
+                if not met:
+                    return way, free
+                barring |= met
+        self.barred[part] = frozenset(barring)
+        return None
+
+    def _meets(self, part: int, way: Array) -> State:
+        key = (part, tuple(np.round(way, 9).tolist()))
+        if key not in self.met:
+            if part not in self.last:
+                parts = self.assembly.parts
+                others = (*parts[:part], *parts[part + 1 :])
+                self.last[part] = replace(self.assembly, goals=(), parts=(*others, parts[part]))
+            hit = sweep_blockers(self.last[part], len(self.assembly.parts) - 1, insertion_rim(way, self.alpha))
+            self.met[key] = frozenset(h if h < part else h + 1 for h in hit)
+        return self.met[key]
+
+    def blockers(self, part: int, there: State) -> tuple[int, ...]:
+        """Return the parts present that bar `part`, those that bar most of the directions first."""
+        others = (there | self.fixed) - {part}
+        votes = dict.fromkeys(others, 0)
+        for way in self.spread:
+            barring = {o for o, n in self.normals[part] if o in others and n @ way < np.sin(self.alpha) - 1e-9}
+            barring |= self._meets(part, way) & others if not barring else set()
+            for other in barring:
+                votes[other] += 1
+        return tuple(sorted((o for o in others if votes[o]), key=lambda o: -votes[o]))
