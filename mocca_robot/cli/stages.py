@@ -21,6 +21,7 @@ from mocca_robot.design import Design, Insertion
 from mocca_robot.errors import InputError
 from mocca_robot.files.config import Config
 from mocca_robot.files.design_json import StoredDesign, read_design, write_design
+from mocca_robot.files.stored_joints import joints_of
 from mocca_robot.joints.joint import planar
 from mocca_robot.loads import state_cases
 from mocca_robot.mobility import mobility
@@ -242,9 +243,15 @@ def verified(
 
 
 def judged(path: Path, console: Console) -> Outcome:
-    """Return the verdicts on a stored design."""
+    """Return the verdicts on a stored design; a note says why its joints cannot be shown, where they cannot."""
     with console.stage("verify"):
-        return _judged(_design_of(read_design(path)))
+        stored = read_design(path)
+        outcome = _judged(_design_of(stored))
+        try:
+            design = replace(outcome.design, joints=joints_of(stored, outcome.before.contacts))
+        except InputError as error:
+            design = replace(outcome.design, notes=(*outcome.design.notes, f"No joints are shown: {error}"))
+    return replace(outcome, design=design)
 
 
 def judged_as_is(config: Config, contacts: ContactReport, console: Console) -> Outcome:

@@ -11,6 +11,8 @@ anything with respect to every parameter (`Bumps.pullback`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mocca_robot.assembly import Array, read_only
@@ -70,7 +72,12 @@ def rectangle_parameters(rectangle: Rectangle) -> dict[str, float]:
 
 def rectangle_of(joint: Joint) -> Rectangle:
     """Return the rectangle that a 3D joint's patch was built on. Raises KeyError for joints without one."""
-    p = joint.parameters
+    return rectangle_from(joint.parameters)
+
+
+def rectangle_from(parameters: Mapping[str, float]) -> Rectangle:
+    """Return the rectangle of a joint's parameters. Raises KeyError where one of its numbers is missing."""
+    p = parameters
     vectors = [read_only([p[f"{name}_{k}"] for k in "xyz"]) for name in ("origin", "axis_x", "axis_y")]
     return Rectangle(vectors[0], vectors[1], vectors[2], p["l1_m"], p["l2_m"])
 
@@ -88,6 +95,7 @@ __all__ = [
     "bump_rays",
     "largest_rectangle",
     "lean_of",
+    "rectangle_from",
     "rectangle_of",
     "rectangle_parameters",
     "triangulated",
