@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -30,7 +30,9 @@ class Limits:
         finer: steps to repeat a fall with, as divisors of the settings' step. Contacts give in proportion to the
             step's square, and what wedges under many times its weight falls when they give too much.
         same_fall: a fall is believed without the finest step when with two steps it takes equally long, up to this
-            factor; what creeps because contacts give takes longer in proportion.
+            factor.
+        told: displacement, as a multiple of `moved`, at which the run with the finest step ends: it decides alone, and
+            what creeps because contacts give takes longest with it.
     """
 
     moved: float = 0.005
@@ -41,6 +43,7 @@ class Limits:
     longest_s: float = 4.0
     finer: tuple[float, ...] = (3.0, 10.0)
     same_fall: float = 1.5
+    told: float = 2.0
 
 
 LIMITS = Limits()
@@ -111,17 +114,22 @@ def stability(scene: Scene, limits: Limits = LIMITS) -> StabilityReport:
 
 
 def judged(compiled: Compiled, limits: Limits = LIMITS) -> StabilityReport:
-    """Return the verdict on a compiled scene; the model can be used again.
+    """Return the verdict on a compiled scene; the model can be used again."""
+    return confirmed(compiled, at_once(compiled, limits), limits)
+
+
+def confirmed(compiled: Compiled, found: StabilityReport, limits: Limits = LIMITS) -> StabilityReport:
+    """Return the verdict on a scene of which `found` is what `at_once` says.
 
     That it stands is believed at once. That it fell, or gave no verdict, is confirmed with finer steps and stiffer
     contacts: the last of them decides, or two falls that take equally long.
     """
-    found = _let_go(compiled, limits)
     for divisor in limits.finer:
         if found.stands:
             break
         before = found
-        found = _let_go(with_timestep(compiled, compiled.scene.settings.timestep / divisor), limits)
+        ends = limits if divisor != limits.finer[-1] else replace(limits, fallen=limits.told * limits.moved)
+        found = at_once(with_timestep(compiled, compiled.scene.settings.timestep / divisor), ends)
         if _same_fall(before, found, limits):
             break
     return found
@@ -135,7 +143,8 @@ def _same_fall(coarse: StabilityReport, fine: StabilityReport, limits: Limits) -
     return min(coarse.max_share, fine.max_share) >= limits.fallen and slow <= limits.same_fall * max(fast, 0.02)
 
 
-def _let_go(compiled: Compiled, limits: Limits) -> StabilityReport:
+def at_once(compiled: Compiled, limits: Limits = LIMITS) -> StabilityReport:
+    """Return what one run with the scene's own step says; a fall may be owed to contacts that give."""
     assembly = compiled.scene.assembly
     size = 2.0 * reach(assembly)[compiled.parts]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from mocca_robot.loads import tilt_azimuths, tilted_gravity
 from mocca_robot.verify import critical_tilt
 from sim.contact_model import ContactModel
 from sim.scene import Compiled, compile_scene, with_gravity
-from sim.stability import LIMITS, Limits, Verdict, free_scene, judged
+from sim.stability import LIMITS, Limits, StabilityReport, Verdict, at_once, confirmed, free_scene
 
 RESOLUTION = np.deg2rad(0.1)
 """Width at which the bisection ends."""
@@ -82,42 +82,61 @@ def physical_tilt(
 
     Statics gives the first guess; every bracket is then confirmed by runs of its own, so a wrong guess costs
     time, not truth. (A ramp or a hinged platform overshoots by 0.4° to 2°: inertia holds parts back.)
+
+    Falls are believed without finer steps first and only the smallest tilt that fell is confirmed; when finer steps
+    hold it, the search goes on above it with every fall confirmed.
     """
     scene = compiled.scene
     friction = scene.settings.friction
     guess = critical_tilt(scene.assembly, contacts, azimuth_rad, friction)
-    failed: list[float] = []
-    moved: tuple[str, ...] = ()
-    low, high = -resolution_rad, np.pi / 2
+    quick: dict[float, StabilityReport] = {}
+    sure: dict[float, StabilityReport] = {}
+
+    def scene_at(angle: float) -> Compiled:
+        return with_gravity(compiled, tilted_gravity(scene.assembly.gravity, angle, azimuth_rad))
+
+    def stands_at_once(angle: float) -> bool:
+        if angle not in quick:
+            quick[angle] = at_once(scene_at(angle), limits)
+        return quick[angle].stands
 
     def stands(angle: float) -> bool:
-        nonlocal moved
-        gravity = tilted_gravity(scene.assembly.gravity, angle, azimuth_rad)
-        found = judged(with_gravity(compiled, gravity), limits)
-        if found.verdict is Verdict.FAILED:
-            failed.append(angle)
-        if not found.stands:
-            moved = found.moved or moved
-        return found.stands
+        if not stands_at_once(angle) and angle not in sure:
+            sure[angle] = confirmed(scene_at(angle), quick[angle], limits)
+        return sure.get(angle, quick[angle]).stands
 
-    for angle in _probes(guess, resolution_rad):
-        if not low < angle < high:
-            continue
-        low, high = (angle, high) if stands(angle) else (low, angle)
-    if low < 0.0 and high > 0.0:
+    low, high = _bracket(stands_at_once, guess, resolution_rad)
+    if high < np.pi / 2 and stands(high):
+        low, high = _bracket(stands, guess, resolution_rad, high)
+    moved = sure[high].moved if high in sure else ()
+    failed = tuple(a for a, found in sure.items() if found.verdict is Verdict.FAILED)
+    critical = np.pi / 2 if high >= np.pi / 2 else 0.5 * (low + high)
+    return TiltReport(azimuth_rad, float(critical), guess, friction, moved, failed)
+
+
+def _bracket(stands: Callable[[float], bool], guess: float, width: float, stood: float = -1.0) -> tuple[float, float]:
+    """Return the largest tilt that stood and the smallest that fell, at most `width` apart; 0, 0 when none stands.
+
+    `stood` is a tilt that is known to stand.
+    """
+    low, high = max(stood, -width), np.pi / 2
+    for angle in _probes(guess, width):
+        if low < angle < high:
+            low, high = (angle, high) if stands(angle) else (low, angle)
+    if low < 0.0:
         low, high = (0.0, high) if stands(0.0) else (0.0, 0.0)
-    while high - low > resolution_rad:
+    while high - low > width:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if stands(middle) else (low, middle)
-    if low == 0.0 and high <= resolution_rad and not stands(0.0):
-        low = high = 0.0
-    critical = np.pi / 2 if high >= np.pi / 2 else 0.5 * (low + high)
-    return TiltReport(azimuth_rad, float(critical), guess, friction, moved, tuple(failed))
+    return low, float(high)
 
 
 def _probes(guess: float, width: float) -> list[float]:
-    """Return tilts that bracket `guess` ever more widely."""
+    """Return tilts that bracket `guess` ever more widely, first as narrowly as is asked for.
+
+    Never the guess itself: exactly at the critical tilt a fall takes longest to tell.
+    """
     out = []
-    for spread in (1.0, 4.0, 16.0):
+    for spread in (0.49, 4.0, 16.0):
         out += [guess - spread * width, guess + spread * width]
     return [a for a in out if 0.0 < a < np.pi / 2]

@@ -20,7 +20,7 @@ from sim.scene import compile_scene, with_gravity
 from sim.settings import settings_for
 from sim.stability import Limits, Verdict, free_scene, judged, stability
 from sim.states import state_result
-from sim.tilt import azimuths, physical_tilt, tilt_scene
+from sim.tilt import RESOLUTION, azimuths, physical_tilt, tilt_scene
 
 
 def let_go(assembly, angle=0.0, friction=0.0, model=None):
@@ -151,6 +151,15 @@ def test_contacts_under_many_times_the_weight_still_hold():
     soft = stability(scene, Limits(finer=()))
     assert not soft.stands, "the coarse step alone decides already: nothing is shown here"
     assert stability(scene).timestep < soft.timestep
+
+
+def test_the_tilt_search_goes_on_above_falls_that_finer_steps_do_not_confirm():
+    """Without them the tongue falls upright. It stands, but any tilt away from its wall lets it slide out."""
+    assembly = tongue(0.004)
+    contacts = find_contacts(assembly).contacts
+    compiled = tilt_scene(assembly, pieces(assembly, contacts))
+    assert physical_tilt(compiled, contacts, 0.0, limits=Limits(finer=())).critical_rad == 0.0
+    assert 0.0 < physical_tilt(compiled, contacts, 0.0).critical_rad < RESOLUTION
 
 
 def test_a_fall_is_confirmed_with_finer_steps():
