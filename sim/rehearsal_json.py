@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from mocca_robot.files.output import write_json
+from mocca_robot.files.versions import REHEARSAL
 from sim.rehearsal import PartRehearsal, Rehearsal, Standing
-
-FORMAT = "mocca-robot/rehearsal"
 
 
 def write_rehearsal(rehearsal: Rehearsal, path: str | Path) -> Path:
@@ -21,8 +20,8 @@ def rehearsal_to_data(rehearsal: Rehearsal) -> dict[str, Any]:
     """Return plain JSON values; what was not reached is null."""
     plan, options = rehearsal.plan, rehearsal.options
     return {
-        "format": FORMAT,
-        "version": 1,
+        "format": REHEARSAL.name,
+        "version": REHEARSAL.version,
         "name": rehearsal.name,
         "engine": rehearsal.engine,
         "plan_sha256": plan.sha256,

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.errors import InputError
+from mocca_robot.files import fields
 from mocca_robot.files.output import write_json
+from mocca_robot.files.versions import SIMULATION
 from mocca_robot.statics import Status
 from sim.insertion import InsertionTrial
 from sim.simulation import ConeSummary, Simulation
 from sim.states import StateResult
 from sim.tilt import TiltReport
-
-FORMAT = "mocca-robot/simulation"
 
 
 def write_simulation(simulation: Simulation, path: str | Path) -> Path:
@@ -27,21 +27,20 @@ def write_simulation(simulation: Simulation, path: str | Path) -> Path:
 
 
 def read_simulation(path: str | Path) -> dict[str, Any]:
-    """Return the file's data. Raises InputError when it is not a simulation of version 1."""
+    """Return the file's data. Raises InputError when it is not a simulation, or a newer one."""
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"'{path}' is not a readable JSON file: {error}") from None
-    if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("version") != 1:
-        raise InputError(f"'{path}' is not a '{FORMAT}' file of version 1; write one with `mocca-robot simulate`.")
-    return data
+    current, notes = SIMULATION.current(fields.mapping(data, f"'{path}'"), f"'{path}'")
+    return {**current, "notes": [*notes, *current.get("notes", [])]} if notes else current
 
 
 def simulation_to_data(simulation: Simulation) -> dict[str, Any]:
     """Return plain JSON values; `stable` is null where a run gave no verdict."""
     data: dict[str, Any] = {
-        "format": FORMAT,
-        "version": 1,
+        "format": SIMULATION.name,
+        "version": SIMULATION.version,
         "name": simulation.name,
         "engine": simulation.engine,
         "seconds": float(simulation.seconds.get("total", 0.0)),

@@ -61,7 +61,7 @@ def test_the_file_is_the_contract_and_plain_json(simulated, tmp_path):
 def test_other_files_are_refused(tmp_path):
     path = tmp_path / "x.json"
     path.write_text('{"format": "something"}')
-    with pytest.raises(InputError, match="is not a 'mocca-robot/simulation' file"):
+    with pytest.raises(InputError, match='it must be "mocca-robot/simulation"'):
         read_simulation(path)
 
 

@@ -91,10 +91,10 @@ def _is_plan(args: argparse.Namespace) -> bool:
     if args.format != "csv" or path.suffix.lower() != ".json" or not path.is_file():
         return False
     from mocca_robot.files.documents import parse_json, read_text
-    from mocca_robot.ur.plan import FORMAT
+    from mocca_robot.files.versions import PLAN
 
     data = parse_json(read_text(path), f"'{path}'")
-    return isinstance(data, dict) and data.get("format") == FORMAT
+    return isinstance(data, dict) and data.get("format") == PLAN.name
 
 
 def _plan(args: argparse.Namespace) -> list[Path]:

@@ -121,11 +121,11 @@ def _film(assembly: Assembly, friction: float, path: Path) -> Path:
 
 def stored_design(path: Path) -> Path | None:
     """Return the design.json that `path` is or holds; None for every other input."""
-    from mocca_robot.files.design_json import FORMAT
     from mocca_robot.files.documents import parse_json, read_text
+    from mocca_robot.files.versions import DESIGN
 
     file = path / "design.json" if path.is_dir() else path
     if file.suffix.lower() != ".json" or not file.is_file():
         return None
     data = parse_json(read_text(file), f"'{file}'")
-    return file if isinstance(data, dict) and data.get("format") == FORMAT else None
+    return file if isinstance(data, dict) and data.get("format") == DESIGN.name else None

@@ -1,9 +1,9 @@
-"""`mocca-robot/assembly` version 1: an assembly as JSON, and the same block inside other files."""
+"""`mocca-robot/assembly`: an assembly as JSON, and the same block inside other files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +25,8 @@ from mocca_robot.files.documents import parse_json, read_text
 from mocca_robot.files.goals import degrees, goals_from_data, goals_to_data
 from mocca_robot.files.output import safe_file_names, write_json
 from mocca_robot.files.rings import checked_polygon
+from mocca_robot.files.versions import ASSEMBLY
 
-FORMAT = "mocca-robot/assembly"
-VERSION = 1
 MAX_PARTS = 5000
 LARGEST_M = 1e6
 """Coordinates beyond a thousand kilometres leave a millimetre fewer digits than contacts need."""
@@ -44,7 +43,7 @@ class AssemblyFile:
         assembly: parts in the order of its sequence; possibly without a fixed part.
         unit: the file's unit.
         given: which of 'sequence', 'goal', 'alpha_deg', 'gravity', 'fixed' it states.
-        notes: repairs made while reading meshes.
+        notes: another version than the present one, repairs made while reading meshes.
     """
 
     assembly: Assembly
@@ -57,23 +56,9 @@ def read_assembly(path: Path) -> AssemblyFile:
     """Return the assembly in a `mocca-robot/assembly` JSON file; see `assembly_from_data` for the errors."""
     where = f"'{path}'"
     data = fields.mapping(parse_json(read_text(path), where), where)
-    require_format(data, FORMAT, VERSION, where)
-    return assembly_from_data(data, where, path.parent)
-
-
-def require_format(data: Mapping[str, Any], expected: str, version: int, where: str) -> None:
-    """Raise InputError when 'format' or 'version' say that this is another kind of file, or a newer one."""
-    found = data.get("format")
-    if found != expected:
-        raise InputError(f'{where} has "format": {fields.shown(found)}; it must be "{expected}".')
-    if "version" not in data:
-        raise InputError(f'{where} has no "version"; add "version": {version}.')
-    number = fields.integer(data["version"], f"{where}: version", 1, 10**6)
-    if number > version:
-        raise InputError(
-            f"{where} has version {number} of {expected}; this program reads up to version {version}. "
-            "Upgrade mocca-robot, or export the file again with this one."
-        )
+    data, notes = ASSEMBLY.current(data, where)
+    file = assembly_from_data(data, where, path.parent)
+    return replace(file, notes=(*notes, *file.notes))
 
 
 def assembly_from_data(data: Mapping[str, Any], where: str, folder: Path) -> AssemblyFile:
@@ -219,8 +204,8 @@ def _mesh(data: object, spoken: str, unit: str, folder: Path, notes: list[str]) 
 def assembly_to_data(assembly: Assembly, mesh_paths: Mapping[str, str] | None = None) -> dict[str, Any]:
     """Return `assembly` as plain data, in metres and with every bit; solids need their mesh paths by name."""
     return {
-        "format": FORMAT,
-        "version": VERSION,
+        "format": ASSEMBLY.name,
+        "version": ASSEMBLY.version,
         "units": "m",
         "dimension": assembly.dimension,
         "name": assembly.name,

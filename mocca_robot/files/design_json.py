@@ -1,4 +1,4 @@
-"""`mocca-robot/design` version 1: what a run leaves behind, written whole and read back bit for bit."""
+"""`mocca-robot/design`: what a run leaves behind, written whole and read back bit for bit."""
 
 from __future__ import annotations
 
@@ -20,15 +20,13 @@ from mocca_robot.files.assembly_json import (
     in_sequence,
     parts_from_data,
     parts_to_data,
-    require_format,
     write_meshes,
 )
 from mocca_robot.files.documents import parse_json, read_text
 from mocca_robot.files.goals import degrees
 from mocca_robot.files.output import writable_folder, write_json
+from mocca_robot.files.versions import DESIGN
 
-FORMAT = "mocca-robot/design"
-VERSION = 1
 KEYS = (
     *("format", "version", "units", "dimension", "name", "gravity", "parts", "sequence", "insertion", "joints"),
     *("load_cases", "features", "seconds", "notes", "source"),
@@ -95,8 +93,8 @@ def design_to_data(design: Design, built: Mapping[str, str], source: Mapping[str
     """Return the content of design.json; `built` and `source` are the mesh paths of solids by part name."""
     assembly = design.assembly
     return {
-        "format": FORMAT,
-        "version": VERSION,
+        "format": DESIGN.name,
+        "version": DESIGN.version,
         "units": "m",
         "dimension": assembly.dimension,
         "name": assembly.name,
@@ -149,14 +147,14 @@ def read_design(path: str | Path) -> StoredDesign:
     file = file / "design.json" if file.is_dir() else file
     where = f"'{file}'"
     data = fields.mapping(parse_json(read_text(file), where), where)
-    require_format(data, FORMAT, VERSION, where)
+    data, said = DESIGN.current(data, where)
     fields.mapping(data, where, KEYS)
     for key in ("units", "dimension", "name", "parts", "sequence"):
         if key not in data:
             raise InputError(f'{where} has no "{key}"; it is incomplete. Run the design again.')
     dimension = fields.integer(data["dimension"], f"{where}: dimension", 2, 3)
     unit = fields.choice(data["units"], tuple(fields.UNITS_M), f"{where}: units")
-    notes = list(_texts(data.get("notes", []), f"{where}: notes"))
+    notes = [*said, *_texts(data.get("notes", []), f"{where}: notes")]
     parts = parts_from_data(data["parts"], where, unit, dimension, file.parent, notes)
     parts = in_sequence(parts, fields.names(data["sequence"], f"{where}: sequence"), f"{where}: sequence")
     source = None

@@ -14,6 +14,7 @@ from mocca_robot.errors import InputError, nearest
 from mocca_robot.files import assembly_json, compas_read, design_json, fields
 from mocca_robot.files.documents import existing_path, parse_json, read_text
 from mocca_robot.files.schema import GENERATORS, MODEL_FILES
+from mocca_robot.files.versions import ASSEMBLY, DESIGN
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,24 +108,24 @@ def _from_json(path: Path, units: str | None, scale: float) -> Model:
         return _from_compas(content, path, units, scale)
     data = fields.mapping(content, where)
     found = data.get("format")
-    if found == design_json.FORMAT:
+    if found == DESIGN.name:
         design = design_json.read_design(path)
         _require_same_unit(where, str(data["units"]), units)
         given = {"sequence", "gravity", "fixed", "alpha_deg"} | ({"goal"} if design.source else set())
         insertion = {i.part: i.direction for i in design.insertion}
         return Model(scaled(design.assembly, scale), 1.0, "m", frozenset(given), insertion, design.notes)
-    if found == assembly_json.FORMAT:
+    if found == ASSEMBLY.name:
         file = assembly_json.read_assembly(path)
         _require_same_unit(where, file.unit, units)
         return Model(scaled(file.assembly, scale), fields.UNITS_M[file.unit], file.unit, file.given, notes=file.notes)
     if found is None:
         raise InputError(
-            f'{where} has no "format"; an assembly begins with "format": "{assembly_json.FORMAT}" (or, written by '
+            f'{where} has no "format"; an assembly begins with "format": "{ASSEMBLY.name}" (or, written by '
             'COMPAS, has a "dtype").'
         )
     raise InputError(
         f'{where} has "format": {fields.shown(found)}, which holds no parts; '
-        f"{nearest(str(found)[:60], (assembly_json.FORMAT, design_json.FORMAT))}"
+        f"{nearest(str(found)[:60], (ASSEMBLY.name, DESIGN.name))}"
     )
 
 

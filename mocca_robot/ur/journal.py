@@ -17,11 +17,10 @@ from types import TracebackType
 from typing import Any, Literal
 
 from mocca_robot.errors import InputError
+from mocca_robot.files.versions import JOURNAL
 from mocca_robot.ur.plan import Plan
 from mocca_robot.ur.status import ExecutionEvent
 
-FORMAT = "mocca-robot/journal"
-VERSION = 1
 Resolution = Literal["placed", "repeat"]
 """What a person found: the part stands where it belongs, or everything is back as it was before the step."""
 
@@ -53,8 +52,8 @@ class Journal:
         journal = cls(descriptor, path)
         journal._write(
             {
-                "format": FORMAT,
-                "version": VERSION,
+                "format": JOURNAL.name,
+                "version": JOURNAL.version,
                 "plan_sha256": plan.sha256,
                 "plan": str(Path(plan_file).resolve()) if plan_file else "",
                 "robot": robot,
@@ -160,10 +159,9 @@ def read_journal(path: Path | str) -> Record:
             cut.append(line.decode(errors="replace"))
             continue
         parsed.append(values)
-    if not parsed or parsed[0].get("format") != FORMAT:
+    if not parsed or parsed[0].get("format") != JOURNAL.name:
         raise InputError(f"{path} is not a journal of this program. Give the file that `execute` named.")
-    if parsed[0].get("version") != VERSION:
-        raise InputError(f"{path}: journal version {parsed[0].get('version')!r}; this program reads {VERSION}.")
+    JOURNAL.current(parsed[0], str(path))
     finished, open_step = _progress(parsed[1:])
     return Record(
         path=path,

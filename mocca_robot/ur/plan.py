@@ -17,11 +17,9 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.assembly import Array
+from mocca_robot.files.versions import PLAN
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.pose import Six, Three
-
-FORMAT = "mocca-robot/plan"
-VERSION = 1
 
 
 class MoveKind(StrEnum):
@@ -174,8 +172,8 @@ def document(plan: Plan) -> dict[str, Any]:
     """Return the plan as JSON-ready values, format and version first."""
     cell = plan.cell
     return {
-        "format": FORMAT,
-        "version": VERSION,
+        "format": PLAN.name,
+        "version": PLAN.version,
         "units": "m",
         "design_sha256": plan.design_sha256,
         **({"design": plan.design} if plan.design else {}),

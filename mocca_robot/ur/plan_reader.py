@@ -12,8 +12,9 @@ from typing import Any
 
 from mocca_robot.errors import InputError, nearest
 from mocca_robot.files.documents import read_text
+from mocca_robot.files.versions import PLAN
 from mocca_robot.ur.limits import Limits
-from mocca_robot.ur.plan import FORMAT, VERSION, Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint
+from mocca_robot.ur.plan import Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint
 from mocca_robot.ur.pose import Three, six, three
 
 GRIPPERS = ("2f85", "suction", "none")
@@ -54,14 +55,7 @@ def read_plan(path: Path | str, design: Path | str | None = None) -> Plan:
 
 def plan_from_document(raw: object, source: str = "plan") -> Plan:
     """Return the plan in parsed JSON; InputError names the key and where it stands."""
-    top = _mapping(raw, source)
-    if top.get("format") != FORMAT:
-        raise InputError(f"{source}: 'format' is {top.get('format')!r}, not '{FORMAT}'. Give a plan.json.")
-    version = top.get("version")
-    if version != VERSION:
-        raise InputError(
-            f"{source}: plan version {version!r}; this program reads version {VERSION}. Plan again with it."
-        )
+    top, _ = PLAN.current(_mapping(raw, source), source)
     if top.get("units", "m") != "m":
         raise InputError(f"{source}: 'units' is {top['units']!r}; plans are in metres. Plan again.")
     gripper = _text(top, "gripper", source)

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from mocca_robot.files.output import write_atomic, write_json
+from mocca_robot.files.versions import STUDY
 from sim.studies.run import StudyResult
-
-FORMAT = "mocca-robot/study"
 
 
 def columns(result: StudyResult) -> tuple[str, ...]:
@@ -25,8 +24,8 @@ def study_data(result: StudyResult) -> dict[str, Any]:
     """Return the study as plain JSON values; a point that was not computed has the status 'not computed'."""
     study = result.study
     return {
-        "format": FORMAT,
-        "version": 1,
+        "format": STUDY.name,
+        "version": STUDY.version,
         "name": study.name,
         "base": str(study.base),
         "vary": {k: list(v) for k, v in study.vary.items()},
