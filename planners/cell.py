@@ -17,7 +17,7 @@ from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.models import RobotModel, robot_model
 from mocca_robot.ur.plan import Cell, Plan
 from mocca_robot.ur.pose import three
-from planners.tool import Gripper, box, needed, read_gripper
+from planners.tool import Gripper, SuctionGripper, box, needed, read_gripper
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +91,7 @@ class RobotCell:
             tool_mass_kg=self.gripper.mass_kg,
             tool_cog_m=self.gripper.cog_m,
             gripper_stroke_m=self.gripper.stroke_m,
+            vacuum=self.gripper.wiring if isinstance(self.gripper, SuctionGripper) else None,
             serial=self.serial,
             limits=self.limits,
             extra={

@@ -12,6 +12,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.ur.plan_reader import GRIPPERS
 from mocca_robot.ur.pose import Six, six, three
+from mocca_robot.ur.wiring import DEFAULT_WAIT_S, SIGNALS, WAIT_S, VacuumWiring
 
 GRAVITY = 9.81
 SAFETY = 2.0
@@ -63,6 +64,7 @@ class SuctionGripper:
         bellows_m: how uneven the part may be under the lip.
         vacuum_pa: below the air's pressure.
         friction: between lip and part.
+        wiring: of valve and vacuum switch; None: planned and rehearsed, but not executed.
     """
 
     name: str
@@ -75,6 +77,7 @@ class SuctionGripper:
     bellows_m: float
     vacuum_pa: float
     friction: float
+    wiring: VacuumWiring | None = None
 
     RELEASED_M = 0.01
     opening_m = RELEASED_M
@@ -94,9 +97,10 @@ class SuctionGripper:
 Gripper = ParallelGripper | SuctionGripper
 
 _SHARED = ("kind", "name", "tcp_offset_m", "mass_kg", "cog_m", "palm_m", "friction")
+_WIRING = ("vacuum_output", "vacuum_input", "vacuum_wait_s")
 _KEYS = {
     "parallel": (*_SHARED, "stroke_m", "finger_m", "pad_radius_m", "opening_m", "force_n"),
-    "suction": (*_SHARED, "stem_radius_m", "cup_radius_m", "bellows_m", "vacuum_kpa"),
+    "suction": (*_SHARED, "stem_radius_m", "cup_radius_m", "bellows_m", "vacuum_kpa", *_WIRING),
 }
 
 
@@ -124,6 +128,7 @@ def read_gripper(value: Any, where: str) -> Gripper:
             bellows_m=fields.number(raw.get("bellows_m", 0.0015), f"{where}.bellows_m", 1e-4, 0.02),
             vacuum_pa=1e3 * fields.number(raw.get("vacuum_kpa", 60.0), f"{where}.vacuum_kpa", 1.0, 100.0),
             friction=friction,
+            wiring=_wiring(raw, where),
         )
     stroke = fields.vector(needed(raw, "stroke_m", where), f"{where}.stroke_m", (2,))
     if not 0.0 <= stroke[0] < stroke[1]:
@@ -140,6 +145,20 @@ def read_gripper(value: Any, where: str) -> Gripper:
         opening_m=fields.number(raw.get("opening_m", 0.012), f"{where}.opening_m", 0.002, 0.1),
         force_n=fields.number(raw.get("force_n", 20.0), f"{where}.force_n", 1.0, 235.0),
         friction=friction,
+    )
+
+
+def _wiring(raw: dict[str, Any], where: str) -> VacuumWiring | None:
+    if raw.get("vacuum_output") is None:
+        for key in _WIRING[1:]:
+            if raw.get(key) is not None:
+                raise InputError(f"{where}.{key} is given, but not 'vacuum_output': name the output of the valve, too.")
+        return None
+    switch = raw.get("vacuum_input")
+    return VacuumWiring(
+        fields.choice(raw["vacuum_output"], SIGNALS, f"{where}.vacuum_output"),
+        None if switch is None else fields.choice(switch, SIGNALS, f"{where}.vacuum_input"),
+        fields.number(raw.get("vacuum_wait_s", DEFAULT_WAIT_S), f"{where}.vacuum_wait_s", *WAIT_S),
     )
 
 
@@ -161,6 +180,7 @@ def gripper_document(gripper: Gripper) -> dict[str, Any]:
             "cup_radius_m": gripper.cup_radius_m,
             "bellows_m": gripper.bellows_m,
             "vacuum_kpa": 1e-3 * gripper.vacuum_pa,
+            **_wiring_document(gripper.wiring),
         }
     return {
         "kind": "parallel",
@@ -171,6 +191,13 @@ def gripper_document(gripper: Gripper) -> dict[str, Any]:
         "opening_m": gripper.opening_m,
         "force_n": gripper.force_n,
     }
+
+
+def _wiring_document(wiring: VacuumWiring | None) -> dict[str, Any]:
+    if wiring is None:
+        return {}
+    switch = {} if wiring.input is None else {"vacuum_input": wiring.input}
+    return {"vacuum_output": wiring.output, **switch, "vacuum_wait_s": wiring.wait_s}
 
 
 def needed(raw: dict[str, Any], key: str, where: str) -> Any:

@@ -399,13 +399,13 @@ class SimulatedCell:
                 world.gently = world.moment.phase == "rest"
                 world.hold(0.3)
                 world.gently = False
-                return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), Grip(gripper.RELEASED_M, False)
+                return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), Grip(None, None, False)
             world.hold(0.3)
             holds = sealed(world, gripper)
             if holds:
                 self._take(0.0)
                 suck(world)
-            return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), Grip(0.0, holds)
+            return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), Grip(None, None, holds)
         except Stopped as stop:
             world.gently = False
             return self._end(stop), Grip(None, None)

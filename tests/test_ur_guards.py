@@ -135,12 +135,12 @@ def test_program_must_play_and_the_slider_be_above_zero() -> None:
 
 def raw_state() -> list[object]:
     six = [0.0] * 6
-    return [1.0, six, six, six, six, 1.0, 7, 1, 2, 3, 1, 0.9]
+    return [1.0, six, six, six, six, 1.0, 7, 1, 2, 3, 1, 0.9, 0, 0]
 
 
 def test_states_with_holes_or_numbers_that_are_not_finite_are_no_states() -> None:
     assert parse_state(raw_state()).payload_kg == 0.9
-    for index, value in ((1, []), (3, [0.0] * 5), (2, [math.nan] * 6), (0, math.inf), (11, None)):
+    for index, value in ((1, []), (3, [0.0] * 5), (2, [math.nan] * 6), (0, math.inf), (11, None), (13, None)):
         broken = raw_state()
         broken[index] = value
         with pytest.raises(Stopped) as stop:

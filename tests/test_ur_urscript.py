@@ -8,12 +8,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ur_cell import small_plan
+from ur_cell import small_plan, suction_plan
 
 from mocca_robot.errors import InputError
 from mocca_robot.ur.commands import export_urscript
 from mocca_robot.ur.plan import MoveKind, Plan, write_plan
 from mocca_robot.ur.urscript import urscript
+from mocca_robot.ur.wiring import VacuumWiring
 
 PLAN = small_plan(2)
 OPENS = re.compile(r"^(def|if|while|thread)\b.*:$")
@@ -110,7 +111,9 @@ class Interpreter:
 
     STEP_S = 0.002
 
-    def __init__(self, plan: Plan, *, jams: bool = False, missing: bool = False, knocked: float = 0.0) -> None:
+    def __init__(
+        self, plan: Plan, *, jams: bool = False, missing: bool = False, knocked: float = 0.0, drops_after: int = 10**9
+    ) -> None:
         self.plan, self.jams, self.missing, self.knocked = plan, jams, missing, knocked
         self.q = list(plan.first_waypoint.q)
         self.tcp = list(plan.first_waypoint.tcp)
@@ -119,6 +122,7 @@ class Interpreter:
         self.payloads: list[float] = []
         self.push: tuple[list[float], float] | None = None
         self.felt, self.gripper, self.stopped, self.threads = 0.0, 0, False, []
+        self.output, self.switched, self.drops_after = False, [], drops_after
         self.ends = [m.path[-1] for st in plan.steps for m in st.moves if m.kind is MoveKind.INSERT]
 
     def translated(self, text: str) -> str:
@@ -224,6 +228,18 @@ class Interpreter:
     def do_socket_get_var(self, name: str, socket: str) -> int:
         return self.gripper if name == "POS" else 2 if self.stopped else 3
 
+    def do_set_standard_digital_out(self, number: int, on: bool) -> None:
+        assert number == 3
+        self.output = on
+        self.switched.append((on, len(self.joints)))
+
+    def do_get_standard_digital_out(self, number: int) -> bool:
+        return self.output
+
+    def do_get_configurable_digital_in(self, number: int) -> bool:
+        assert number == 1
+        return self.output and not self.missing and len(self.joints) - self.switched[-1][1] < self.drops_after
+
     do_socket_open = staticmethod(lambda *a: True)
     do_stopl = do_set_tcp = do_zero_ftsensor = staticmethod(lambda *a: None)
     do_norm = staticmethod(abs)
@@ -273,5 +289,41 @@ def test_the_program_does_not_start_from_elsewhere() -> None:
 
 
 def test_a_suction_cup_is_not_driven_by_guesswork() -> None:
-    with pytest.raises(InputError, match="suction cup"):
+    with pytest.raises(InputError, match="does not say how its suction cup is wired"):
         urscript(replace(PLAN, gripper="suction"))
+
+
+def test_a_suction_cup_is_switched_at_pick_and_release_only() -> None:
+    plan = suction_plan(2)
+    robot = Interpreter(plan)
+    robot.run()
+    assert robot.said[-1] == "2 parts are placed." and robot.ends == []
+    assert [on for on, _ in robot.switched] == [True, False] * 2
+    assert robot.payloads[0] < robot.payloads[1] > robot.payloads[2]
+
+
+@pytest.mark.parametrize(
+    ("world", "words"), [({"missing": True}, "not on the cup: no vacuum"), ({"drops_after": 1}, "the part was lost")]
+)
+def test_a_halt_of_the_program_leaves_the_vacuum_on(world: dict[str, object], words: str) -> None:
+    robot = Interpreter(suction_plan(1), **world)  # type: ignore[arg-type]
+    with pytest.raises(Halted, match=words):
+        robot.run()
+    assert robot.output and [on for on, _ in robot.switched] == [True]
+
+
+def test_a_program_does_not_start_with_the_vacuum_on() -> None:
+    robot = Interpreter(suction_plan(1))
+    robot.output = True
+    with pytest.raises(Halted, match="The vacuum is on"):
+        robot.run()
+    assert robot.joints == [] and robot.output
+
+
+def test_without_a_vacuum_switch_the_cup_is_given_its_time() -> None:
+    plan = suction_plan(1)
+    blind = replace(plan, cell=replace(plan.cell, vacuum=VacuumWiring("standard_3")))
+    robot = Interpreter(blind)
+    robot.run()
+    assert [on for on, _ in robot.switched] == [True, False]
+    assert "digital_in" not in urscript(blind)

@@ -19,6 +19,7 @@ from mocca_robot.ur.fake.controller import ask
 from mocca_robot.ur.models import robot_model
 from mocca_robot.ur.plan import Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint, write_plan
 from mocca_robot.ur.pose import six
+from mocca_robot.ur.wiring import VacuumWiring
 
 MODEL = robot_model("ur5e")
 TOOL = (0.0, 0.0, 0.15, 0.0, 0.0, 0.0)
@@ -35,6 +36,7 @@ CELL = Cell(
 WIDTH = 0.03
 CLOSED, OPENED = WIDTH - 0.002, 0.05
 SPEEDUP = 4.0
+WIRING = VacuumWiring("standard_3", "configurable_1", 0.5)
 
 
 def line(
@@ -119,6 +121,21 @@ def small_plan(parts: int = 2, short: bool = False) -> Plan:
         grasp = Grasp(WIDTH, 0.2, (0.0, 0.0, 0.15))
         steps.append(Step(f"p{k + 1:02d}", grasp, moves, (0.0, 0.0, -1.0), math.radians(10)))
     return Plan("0" * 64, "ur5e", "2f85", CELL, tuple(steps))
+
+
+def suction_plan(parts: int = 1, short: bool = False, wiring: VacuumWiring = WIRING) -> Plan:
+    """Return the same plan for a suction cup: opening 0 is vacuum, 10 mm none."""
+    plan = small_plan(parts, short)
+    steps = [
+        replace(
+            s,
+            grasp=replace(s.grasp, width_m=0.0),
+            moves=tuple(replace(m, gripper_m=0.0 if m.gripper_m == CLOSED else 0.01) for m in s.moves),
+        )
+        for s in plan.steps
+    ]
+    cell = replace(plan.cell, gripper_stroke_m=(0.0, 0.01), vacuum=wiring)
+    return replace(plan, gripper="suction", cell=cell, steps=tuple(steps))
 
 
 def loopback(number: int) -> str:

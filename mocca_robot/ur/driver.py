@@ -18,7 +18,8 @@ from mocca_robot.errors import InputError
 from mocca_robot.ur import dashboard
 from mocca_robot.ur.checks import require_sound
 from mocca_robot.ur.frames import frame_along
-from mocca_robot.ur.gripper import Grip, Gripper, GripperLost, connect, require_drivable
+from mocca_robot.ur.gripper import Grip, Gripper, GripperLost
+from mocca_robot.ur.gripper_choice import connect, require_drivable
 from mocca_robot.ur.guards import SEATING_PACE, PushGuard, arrived, check_forces, check_path, check_start
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.link import Link, LinkLost
@@ -73,12 +74,12 @@ class UrArm:
 
     def __enter__(self) -> UrArm:
         require_sound(self.plan)
-        require_drivable(self.plan.gripper)
+        require_drivable(self.plan)
         self._lock.__enter__()
         try:
             identity = require_robot(self.host, self.plan, self._confirm)
             self._serial = identity.serial
-            self._gripper = connect(self.plan.gripper, self.host)
+            self._gripper = connect(self.plan, self.host)
             self._monitor.open()
             self._monitor.poll()
             self._hands = Link("hands", self.host, CONNECT_S)
@@ -131,10 +132,13 @@ class UrArm:
             self._settle(0.1)
             state = self._watch()
             tcp = self._hands_call("getTCPOffset")
-            problem = next(blocking_findings(plan, first_step, state, tcp, self._safe), None)
+            assert self._gripper is not None
+            problem = self._gripper.unready(state) or next(
+                blocking_findings(plan, first_step, state, tcp, self._safe), ""
+            )
         except Stopped as stop:
             return self._end(stop)
-        if problem is not None:
+        if problem:
             return Outcome(ExecutionStatus.REFUSED, problem, state)
         self._cleared = True
         return Outcome(ExecutionStatus.SUCCEEDED, "preflight passed", state)
@@ -218,6 +222,7 @@ class UrArm:
                 state = self._watch()
                 check_forces(state, self._bias, self.limits, force_limit_n, contact_force_n)
                 check_path(state, trail, self.limits)
+                self._check_part(state)
                 if clock >= last and arrived(state, path[-1], self.limits):
                     break
                 if time.monotonic() > end:
@@ -257,6 +262,7 @@ class UrArm:
                 else:
                     self._hands_call("kickWatchdog")
                 state = self._watch()
+                self._check_part(state)
                 if guard.check(state, force_limit_n):
                     break
                 if time.monotonic() > end:
@@ -282,11 +288,11 @@ class UrArm:
         return Outcome(ExecutionStatus.SUCCEEDED, f"depth {1e3 * guard.depth_m:.2f} mm", state, None, guard.depth_m)
 
     def grip(self, width_m: float, force_n: float) -> tuple[Outcome, Grip]:
-        """Move the fingers while the arm stands still under supervision."""
+        """Move the fingers, or switch the vacuum, while the arm stands still under supervision."""
         assert self._gripper is not None
         try:
             self._require_clearance()
-            grip = self._gripper.move(width_m, force_n, lambda: (self._watch(), None)[1])
+            grip = self._gripper.move(width_m, force_n, self._attend)
             return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), grip
         except GripperLost as error:
             return self._end(Stopped(ExecutionStatus.CONNECTION_LOST, str(error), self._monitor.last)), Grip(None, None)
@@ -341,6 +347,15 @@ class UrArm:
 
     def _watch(self) -> ArmState:
         return self._monitor.watch()
+
+    def _attend(self) -> ArmState:
+        time.sleep(CYCLE_S)
+        return self._watch()
+
+    def _check_part(self, state: ArmState) -> None:
+        assert self._gripper is not None
+        if words := self._gripper.lost(state):
+            raise Stopped(ExecutionStatus.DEVIATED, words, state)
 
     def _settle(self, seconds: float) -> None:
         self._monitor.settle(seconds)

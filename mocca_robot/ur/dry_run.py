@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mocca_robot.ur.checks import Finding, findings
+from mocca_robot.ur.gripper_choice import undrivable
 from mocca_robot.ur.plan import Move, Plan, Waypoint
 from mocca_robot.ur.pose import Six, distance_m
 
@@ -51,6 +52,11 @@ class DryRun:
             f"dry run: {plan.robot} with {plan.gripper} in cell '{plan.cell.name}', plan {plan.sha256[:12]}",
             f"{len(self.rows)} waypoints, {sum(self.seconds):.1f} s planned; nothing is sent to a robot",
         ]
+        if (wiring := plan.cell.vacuum) is not None:
+            switch = "no vacuum switch: grips are taken on trust" if wiring.input is None else f"switch {wiring.input}"
+            lines.append(f"vacuum: output {wiring.output}, {switch}; at most {wiring.wait_s:g} s to come or go")
+        if words := undrivable(plan):
+            lines.append(f"cannot be executed: {words}")
         if plan.supports:
             lines.append(f"somebody or something has to hold, once placed: {', '.join(plan.supports)}")
         place: tuple[int, int, int | None] | None = None
@@ -60,7 +66,7 @@ class DryRun:
                 other = "" if row.alternative is None else f", alternative {row.alternative}"
                 lines.append(
                     f"step {row.step} ({row.part}), move {row.move}: {row.kind}{other}; at most "
-                    f"{row.force_limit_n:g} N, gripper {1e3 * row.gripper_m:.1f} mm"
+                    f"{row.force_limit_n:g} N, {_gripper(plan, row.gripper_m)}"
                 )
             joints = " ".join(f"{v:8.4f}" for v in row.q)
             pose = " ".join(f"{v:8.4f}" for v in row.tcp)
@@ -83,6 +89,12 @@ class DryRun:
             "waypoints": [dict(vars(r)) for r in self.rows],
             "findings": [dict(vars(f)) for f in self.findings],
         }
+
+
+def _gripper(plan: Plan, opening_m: float) -> str:
+    if plan.gripper != "suction":
+        return f"gripper {1e3 * opening_m:.1f} mm"
+    return f"vacuum {'on' if opening_m < 0.5 * sum(plan.cell.gripper_stroke_m) else 'off'}"
 
 
 def dry_run(plan: Plan, first_step: int = 0) -> DryRun:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from mocca_robot.ur.gripper import holds
+from mocca_robot.ur.gripper import Grip, holds
 from mocca_robot.ur.insertion import insert
 from mocca_robot.ur.interface import Arm
 from mocca_robot.ur.journal import utc_now
@@ -87,8 +87,8 @@ def _run_step(plan: Plan, index: int, arm: Arm, record: _Recorder) -> Outcome:
     for k, move in enumerate(step.moves):
         record(ExecutionEvent(utc_now(), "move_started", index, step.part, k, move.kind))
 
-        def note(event: str, outcome: Outcome, attempt: int | None = None, width: float | None = None) -> None:
-            record(_event(event, outcome, index, step.part, k, move.kind, attempt, width))  # noqa: B023 - called at once
+        def note(event: str, outcome: Outcome, attempt: int | None = None, grip: Grip | None = None) -> None:
+            record(_event(event, outcome, index, step.part, k, move.kind, attempt, grip))  # noqa: B023 - called at once
 
         outcome = _run_move(plan, step, move, arm, note)
         if not outcome.succeeded:
@@ -99,7 +99,7 @@ def _run_step(plan: Plan, index: int, arm: Arm, record: _Recorder) -> Outcome:
 def _run_move(plan: Plan, step: Step, move: Move, arm: Arm, note: Callable[..., None]) -> Outcome:
     """Return how one move ended; `note` writes what happened, intermediate results included."""
     limits = plan.cell.limits
-    outcome, width = Outcome(ExecutionStatus.SUCCEEDED), None
+    outcome, grip = Outcome(ExecutionStatus.SUCCEEDED), None
     if move.kind in ZEROED:
         outcome = arm.zero_force()
     if outcome.succeeded and move.kind is MoveKind.INSERT:
@@ -108,30 +108,35 @@ def _run_move(plan: Plan, step: Step, move: Move, arm: Arm, note: Callable[..., 
         guard = limits.contact_force_n if move.kind in GUARDED else None
         outcome = arm.follow(move.path, force_limit_n=move.force_limit_n, contact_force_n=guard)
     if outcome.succeeded and move.kind in (MoveKind.PICK, MoveKind.RELEASE):
-        outcome, width = _grip(plan, step, move, arm)
-    note("move_finished" if outcome.succeeded else "move_stopped", outcome, None, width)
+        outcome, grip = _grip(plan, step, move, arm)
+    note("move_finished" if outcome.succeeded else "move_stopped", outcome, None, grip)
     return outcome
 
 
-def _grip(plan: Plan, step: Step, move: Move, arm: Arm) -> tuple[Outcome, float | None]:
-    """Close on a part and see that it is there, or open and see that the fingers let go; then say what is carried."""
+def _grip(plan: Plan, step: Step, move: Move, arm: Arm) -> tuple[Outcome, Grip]:
+    """Take a part and see that it is held, or see that it was let go; then say what is carried."""
     outcome, grip = arm.grip(move.gripper_m, step.grasp.force_n)
     if not outcome.succeeded:
-        return outcome, grip.width_m
+        return outcome, grip
     cell, grasp = plan.cell, step.grasp
     if move.kind is MoveKind.PICK:
         if holds(grip, grasp.width_m, cell.limits) is False:
-            found = f"{1e3 * (grip.width_m or 0.0):.1f} mm"
-            detail = f"part missing: the fingers closed to {found}, the part is {1e3 * grasp.width_m:.1f} mm wide"
-            return Outcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip.width_m
+            detail = "part missing: no vacuum under the cup; the vacuum stays on"
+            if grip.width_m is not None:
+                found = f"{1e3 * grip.width_m:.1f} mm"
+                detail = f"part missing: the fingers closed to {found}, the part is {1e3 * grasp.width_m:.1f} mm wide"
+            return Outcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
         mass = cell.tool_mass_kg + grasp.mass_kg
         both = zip(cell.tool_cog_m, grasp.cog_m, strict=True)
         x, y, z = ((cell.tool_mass_kg * a + grasp.mass_kg * b) / max(mass, 1e-9) for a, b in both)
-        return arm.set_payload(mass, (x, y, z)), grip.width_m
+        return arm.set_payload(mass, (x, y, z)), grip
     if grip.width_m is not None and grip.width_m < move.gripper_m - cell.limits.grip_tolerance_m:
         detail = f"the fingers opened to {1e3 * grip.width_m:.1f} mm, commanded {1e3 * move.gripper_m:.1f} mm"
-        return Outcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip.width_m
-    return arm.set_payload(cell.tool_mass_kg, cell.tool_cog_m), grip.width_m
+        return Outcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
+    if grip.vacuum:
+        detail = "the cup does not let go: there is still vacuum under it"
+        return Outcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
+    return arm.set_payload(cell.tool_mass_kg, cell.tool_cog_m), grip
 
 
 def _event(
@@ -142,7 +147,7 @@ def _event(
     move: int | None = None,
     kind: str | None = None,
     attempt: int | None = None,
-    width_m: float | None = None,
+    grip: Grip | None = None,
 ) -> ExecutionEvent:
     state = outcome.state
     return ExecutionEvent(
@@ -161,6 +166,7 @@ def _event(
         state.force if state else None,
         state.time_s if state else None,
         outcome.depth_m,
-        width_m,
+        grip.width_m if grip else None,
+        grip.vacuum if grip else None,
         outcome.stop_observed,
     )

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from mocca_robot.errors import InputError
 from mocca_robot.ur.limits import Limits
+from mocca_robot.ur.status import ArmState
 
 
 class GripperLost(Exception):
@@ -18,28 +18,54 @@ class GripperLost(Exception):
 
 @dataclass(frozen=True)
 class Grip:
-    """What the fingers did: measured opening in metres (None without a sensor), and whether something stopped them."""
+    """What was measured of a grip; None is what has no sensor.
+
+    Attributes:
+        width_m, blocked: of fingers: their opening, and whether something stopped them.
+        vacuum: of a suction cup: whether there is vacuum under it.
+    """
 
     width_m: float | None
     blocked: bool | None
+    vacuum: bool | None = None
 
 
 class Gripper(Protocol):
-    """Two fingers. `tick` is called while waiting, so that the robot's connection stays supervised."""
+    """Fingers or a cup. `tick` is called while waiting, so that the arm stays supervised, and returns its state."""
 
-    def move(self, width_m: float, force_n: float, tick: Callable[[], None]) -> Grip:
-        """Return what was reached after moving the fingers to an opening of `width_m`."""
+    def move(self, width_m: float, force_n: float, tick: Callable[[], ArmState]) -> Grip:
+        """Return what was reached after moving to an opening of `width_m`; GripperLost when nothing answers."""
+        ...
+
+    def lost(self, state: ArmState) -> str:
+        """Return '' or how the part that was held got lost on the way, as far as the arm's state shows it."""
+        ...
+
+    def unready(self, state: ArmState) -> str:
+        """Return '' or why no step can begin, as far as the arm's state shows it."""
         ...
 
     def close(self) -> None:
-        """Release the connection; the fingers stay as they are."""
+        """Release the connection; what is held stays held."""
         ...
 
 
-class NoGripper:
+class _NotInTheState:
+    """A gripper that the arm's state says nothing about."""
+
+    def lost(self, state: ArmState) -> str:
+        """Return '': it is not seen between grips."""
+        return ""
+
+    def unready(self, state: ArmState) -> str:
+        """Return '': nothing speaks against it."""
+        return ""
+
+
+class NoGripper(_NotInTheState):
     """A tool without fingers: every grip is taken on trust, and says so by measuring nothing."""
 
-    def move(self, width_m: float, force_n: float, tick: Callable[[], None]) -> Grip:
+    def move(self, width_m: float, force_n: float, tick: Callable[[], ArmState]) -> Grip:
         """Return a grip without measurement."""
         tick()
         return Grip(None, None)
@@ -48,7 +74,7 @@ class NoGripper:
         """Do nothing: there is no connection."""
 
 
-class RobotiqSocket:
+class RobotiqSocket(_NotInTheState):
     """A Robotiq 2F-85 behind its URCap's text protocol on port 63352 (variables ACT, GTO, POS, SPE, FOR, OBJ, FLT)."""
 
     PORT = 63352
@@ -68,7 +94,7 @@ class RobotiqSocket:
         if self._get("STA") != 3:
             raise GripperLost("the gripper is not activated; activate it from the pendant (it moves when activated)")
 
-    def move(self, width_m: float, force_n: float, tick: Callable[[], None]) -> Grip:
+    def move(self, width_m: float, force_n: float, tick: Callable[[], ArmState]) -> Grip:
         """Return the measured opening once the fingers have stopped; GripperLost after 4 s or on a fault."""
         position = round(255 * (1.0 - min(max(width_m / self.STROKE_M, 0.0), 1.0)))
         low, high = self.FORCE_N
@@ -110,23 +136,8 @@ class RobotiqSocket:
         return answer.decode(errors="replace").strip()
 
 
-def require_drivable(name: str) -> None:
-    """Return if this package can drive the gripper that a plan calls `name`; InputError says what to do otherwise."""
-    if name == "suction":
-        raise InputError(
-            "The plan's gripper is a suction cup. How its valve and vacuum switch are wired differs from cell to cell, "
-            "so this program does not drive it: rehearse the plan, or plan with a parallel gripper (kind: parallel)."
-        )
-
-
-def connect(name: str, host: str) -> Gripper:
-    """Return the gripper that a plan calls `name`, connected; InputError for one that cannot be driven."""
-    require_drivable(name)
-    return NoGripper() if name == "none" else RobotiqSocket(host)
-
-
 def holds(grip: Grip, width_m: float, limits: Limits) -> bool | None:
-    """Return whether the fingers stopped on a part of `width_m`; None when nothing was measured."""
+    """Return whether a part of `width_m` is held: vacuum, or fingers stopped by it; None when nothing was measured."""
     if grip.width_m is None:
-        return None
+        return grip.vacuum
     return bool(grip.blocked) and abs(grip.width_m - width_m) <= limits.grip_tolerance_m

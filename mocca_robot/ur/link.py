@@ -3,7 +3,8 @@
 ur-rtde may block for seconds on a dead connection, holds the interpreter while it connects, and, once the network is
 back, uploads its script again and *repeats the interrupted command*. None of this can be prevented from inside the
 process; so the library lives in a child that is killed the moment a deadline passes. Its connections close with it and
-the controller's watchdog stops the program. There are two children: the eyes only receive, the hands command.
+the controller's watchdog stops the program. The eyes only receive, the hands command, the valve
+switches a suction cup's output: a child each.
 
 While something moves, the hands feed the watchdog only when the parent asks them to: motion needs a living decision.
 """
@@ -40,6 +41,8 @@ STATE_VARIABLES = [
     "robot_status_bits",
     "safety_status_bits",
     "payload",
+    "actual_digital_input_bits",
+    "actual_digital_output_bits",
 ]
 STARTS_MOTION = frozenset({"servoJ", "forceMode"})
 ENDS_MOTION = frozenset({"servoStop", "forceModeStop", "stopScript"})
@@ -220,6 +223,10 @@ def _connect(role: str, host: str) -> Any:
         import rtde_receive
 
         return rtde_receive.RTDEReceiveInterface(host, FREQUENCY_HZ, STATE_VARIABLES)
+    if role == "valve":
+        import rtde_io
+
+        return rtde_io.RTDEIOInterface(host)
     import rtde_control
 
     return rtde_control.RTDEControlInterface(host, FREQUENCY_HZ)
@@ -239,6 +246,8 @@ def _state(receive: Any) -> list[Any]:
         receive.getRobotStatus(),
         receive.getSafetyStatusBits(),
         receive.getPayload(),
+        receive.getActualDigitalInputBits(),
+        receive.getActualDigitalOutputBits(),
     ]
 
 

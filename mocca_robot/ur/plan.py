@@ -20,6 +20,7 @@ from mocca_robot.assembly import Array
 from mocca_robot.files.versions import PLAN
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.pose import Six, Three
+from mocca_robot.ur.wiring import VacuumWiring
 
 
 class MoveKind(StrEnum):
@@ -110,7 +111,8 @@ class Cell:
         serial: the controller's serial number, if the plan is for one robot only.
         tcp_offset: the tool's centre point in the flange's frame.
         tool_mass_kg, tool_cog_m: the empty gripper, centre of gravity in the flange's frame.
-        gripper_stroke_m: smallest and largest opening.
+        gripper_stroke_m: smallest and largest opening; of a suction cup: vacuum, none.
+        vacuum: how a suction cup is wired, if the cell says so.
         workspace_m: corners (low, high) of the box, base frame, that the tool's centre point must not leave.
         limits: caps lowered for this cell.
         extra: whatever else the planner wrote about the cell (table, tray, ...); kept and hashed, not used here.
@@ -125,6 +127,7 @@ class Cell:
     serial: str | None = None
     limits: Limits = field(default_factory=Limits)
     extra: Mapping[str, Any] = field(default_factory=dict)
+    vacuum: VacuumWiring | None = None
 
 
 @dataclass(frozen=True)
@@ -188,6 +191,7 @@ def document(plan: Plan) -> dict[str, Any]:
             "tool_mass_kg": cell.tool_mass_kg,
             "tool_cog_m": list(cell.tool_cog_m),
             "gripper_stroke_m": list(cell.gripper_stroke_m),
+            **({"vacuum": cell.vacuum.document()} if cell.vacuum else {}),
             "workspace_m": [list(c) for c in cell.workspace_m],
             "limits": cell.limits.changed(),
         },

@@ -16,6 +16,7 @@ from mocca_robot.files.versions import PLAN
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.plan import Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint
 from mocca_robot.ur.pose import Three, six, three
+from mocca_robot.ur.wiring import DEFAULT_WAIT_S, SIGNALS, WAIT_S, VacuumWiring
 
 GRIPPERS = ("2f85", "suction", "none")
 
@@ -96,7 +97,24 @@ def _cell(raw: Mapping[str, Any], where: str) -> Cell:
         ),
         limits=Limits().lowered(_mapping(raw.get("limits", {}), f"{where}: limits")),
         extra=_rest(raw, Cell),
+        vacuum=_vacuum(raw["vacuum"], f"{where}: vacuum") if raw.get("vacuum") is not None else None,
     )
+
+
+def _vacuum(value: object, where: str) -> VacuumWiring:
+    raw = _mapping(value, where)
+    output, switch = _signal(raw, "output", where), raw.get("input")
+    wait = _number(raw, "wait_s", where, DEFAULT_WAIT_S)
+    if not WAIT_S[0] <= wait <= WAIT_S[1]:
+        raise InputError(f"{where}: wait_s is {wait:g}, limit {WAIT_S[0]:g} to {WAIT_S[1]:g}. Plan again.")
+    return VacuumWiring(output, None if switch is None else _signal(raw, "input", where), wait)
+
+
+def _signal(raw: Mapping[str, Any], key: str, where: str) -> str:
+    name = _text(raw, key, where)
+    if name not in SIGNALS:
+        raise InputError(f"{where}: {key} is '{name}'. {nearest(name, SIGNALS)}")
+    return name
 
 
 def _step(raw: Mapping[str, Any], where: str) -> Step:

@@ -41,6 +41,7 @@ class ArmState:
         robot_mode, safety_mode, runtime_state: the controller's codes; 7, 1 and 2 while a program plays normally.
         status_bits, safety_bits: the controller's flags.
         payload_kg: the payload the controller calculates with.
+        digital_inputs, digital_outputs: one bit per signal, in the order of `wiring.SIGNALS`.
     """
 
     time_s: float
@@ -55,6 +56,8 @@ class ArmState:
     status_bits: int
     safety_bits: int
     payload_kg: float
+    digital_inputs: int = 0
+    digital_outputs: int = 0
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,7 @@ class ExecutionEvent:
     robot_time_s: float | None = None
     depth_m: float | None = None
     width_m: float | None = None
+    vacuum: bool | None = None
     stop_observed: bool | None = None
 
     def document(self) -> dict[str, Any]:

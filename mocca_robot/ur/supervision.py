@@ -42,7 +42,7 @@ class Stopped(Exception):
 def parse_state(raw: list[object]) -> ArmState:
     """Return the state in what the eyes report; Stopped(CONNECTION_LOST) if it has holes or is not finite."""
     try:
-        time_s, q, qd, tcp, force, scaling, robot, safety, runtime, status, bits, payload = raw
+        time_s, q, qd, tcp, force, scaling, robot, safety, runtime, status, bits, payload, inputs, outputs = raw
         state = ArmState(
             time_s=float(time_s),  # type: ignore[arg-type]
             q=_six(q),
@@ -56,6 +56,8 @@ def parse_state(raw: list[object]) -> ArmState:
             status_bits=int(status),  # type: ignore[call-overload]
             safety_bits=int(bits),  # type: ignore[call-overload]
             payload_kg=float(payload),  # type: ignore[arg-type]
+            digital_inputs=int(inputs),  # type: ignore[call-overload]
+            digital_outputs=int(outputs),  # type: ignore[call-overload]
         )
     except (TypeError, ValueError) as error:
         raise Stopped(ExecutionStatus.CONNECTION_LOST, f"the controller's state is incomplete ({error})") from error

@@ -16,11 +16,14 @@ from mocca_robot.assembly import Array
 from mocca_robot.errors import InputError
 from mocca_robot.ur.checks import require_sound
 from mocca_robot.ur.frames import frame_along
-from mocca_robot.ur.gripper import RobotiqSocket, require_drivable
+from mocca_robot.ur.gripper import RobotiqSocket
+from mocca_robot.ur.gripper_choice import require_drivable
 from mocca_robot.ur.guards import SEATED_SHARE, SEATING_M, SEATING_PACE
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.plan import Move, MoveKind, Plan, Step, Waypoint, insertion_axis
 from mocca_robot.ur.pose import distance_m
+from mocca_robot.ur.suction import FLICKER_S
+from mocca_robot.ur.wiring import VacuumWiring, bank_and_number
 
 BLEND_M = 0.002
 LARGEST = 1000.0
@@ -106,7 +109,7 @@ _HELPERS = """\
 def urscript(plan: Plan) -> str:
     """Return the program; InputError when the plan is not sound (`checks.require_sound`) or a number is not usable."""
     require_sound(plan)
-    require_drivable(plan.gripper)
+    require_drivable(plan)
     cell = plan.cell
     first = plan.first_waypoint
     out = [
@@ -119,6 +122,8 @@ def urscript(plan: Plan) -> str:
     ]
     if plan.gripper == "2f85":
         out += _gripper_helpers()
+    if plan.cell.vacuum is not None and plan.gripper == "suction":
+        out += _vacuum_helpers(plan.cell.vacuum)
     out += [
         f"  goal = {_list(first.q)}",
         "  here = get_actual_joint_positions()",
@@ -132,6 +137,8 @@ def urscript(plan: Plan) -> str:
         f'  popup("{len(plan.steps)} parts will be built. Keep clear of the arm.", title="mocca-robot", blocking=True)',
         "  guard = run force_guard()",
     ]
+    if plan.cell.vacuum is not None and plan.cell.vacuum.input and plan.gripper == "suction":
+        out.append("  keeper = run part_guard()")
     for i, step in enumerate(plan.steps):
         out.append(f'  textmsg("step {i}: {_plain(step.part)}")')
         for move in step.moves:
@@ -229,6 +236,70 @@ def _gripper_helpers() -> list[str]:
     ]
 
 
+def _vacuum_helpers(wiring: VacuumWiring) -> list[str]:
+    """Return functions that switch the cup; whatever halts the program leaves its output as it is."""
+    bank, number = bank_and_number(wiring.output)
+    valve = f"get_{bank}_digital_out({number})"
+    out = [
+        "  global carrying = False",
+        "  def suck(on):",
+        "    carrying = False",
+        f"    set_{bank}_digital_out({number}, on)",
+    ]
+    if wiring.input is None:
+        out += [f"    sleep({_number(wiring.wait_s)})", "    carrying = on", "    return on"]
+    else:
+        inputs, place = bank_and_number(wiring.input)
+        switch = f"get_{inputs}_digital_in({place})"
+        out += [
+            "    t = 0.0",
+            f"    while {switch} != on and t < {_number(wiring.wait_s)}:",
+            "      sleep(0.02)",
+            "      t = t + 0.02",
+            "    end",
+            f"    carrying = on and {switch}",
+            f"    return {switch}",
+            "  end",
+            "  thread part_guard():",
+            "    gone = 0.0",
+            "    while True:",
+            f"      if carrying and not {switch}:",
+            "        gone = gone + get_steptime()",
+            f"        if gone > {_number(FLICKER_S)}:",
+            '          textmsg("the part was lost: no vacuum under the cup")',
+            "          halt",
+            "        end",
+            "      else:",
+            "        gone = 0.0",
+            "      end",
+            "      sync()",
+            "    end",
+        ]
+    return [
+        *out,
+        "  end",
+        f"  if {valve}:",
+        '    fail("The vacuum is on. Take hold of the part on the cup, switch the output off, then start again.")',
+        "  end",
+    ]
+
+
+def _suck(plan: Plan, step: Step, picks: bool) -> list[str]:
+    if not picks:
+        # A part that fell off in the seat's last moment was not placed: the guard needs its time to see that.
+        return [
+            f"  sleep({_number(2.0 * FLICKER_S)})",
+            "  if suck(False):",
+            f'    fail("The cup does not let part {_plain(step.part)} go.")',
+            "  end",
+        ]
+    return [
+        "  if not suck(True):",
+        f'    fail("Part {_plain(step.part)} is not on the cup: no vacuum.")',
+        "  end",
+    ]
+
+
 def _grip(plan: Plan, step: Step, move: Move) -> list[str]:
     cell, grasp = plan.cell, step.grasp
     picks = move.kind is MoveKind.PICK
@@ -239,6 +310,8 @@ def _grip(plan: Plan, step: Step, move: Move) -> list[str]:
     if plan.gripper == "none":
         word = "Attach" if picks else "Detach"
         return [f'  popup("{word} part {_plain(step.part)}.", title="mocca-robot", blocking=True)', payload]
+    if plan.gripper == "suction":
+        return [*_suck(plan, step, picks), payload]
     stroke, (low, high) = RobotiqSocket.STROKE_M, RobotiqSocket.FORCE_N
     position = round(255 * (1.0 - min(max(move.gripper_m / stroke, 0.0), 1.0)))
     force = round(255 * min(max((grasp.force_n - low) / (high - low), 0.0), 1.0))

@@ -12,6 +12,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.ur.fake.world import Fault, Trigger, World
 from mocca_robot.ur.models import RobotModel
 from mocca_robot.ur.pose import pose_of, rotation_vector, transform
+from mocca_robot.ur.wiring import VacuumWiring
 
 SERVO_LAG_S = 0.04
 STOP_RAD_S2 = 10.0
@@ -31,6 +32,8 @@ class FakeArm:
         ints, doubles: RTDE input registers; out_ints, out_doubles: output registers.
         time_s: the controller's clock.
         mode: what moves the arm: idle, servo, path, speed, force.
+        digital_outputs: one bit per output; nothing but its client and a person change them.
+        wiring: of a suction cup, if the arm has one; on_cup: whether a part hangs on it.
     """
 
     model: RobotModel
@@ -58,6 +61,9 @@ class FakeArm:
     gripper_m: float = 0.085
     gripper_blocked: bool = False
     log: list[str] = field(default_factory=list)
+    digital_outputs: int = 0
+    wiring: VacuumWiring | None = None
+    on_cup: bool = False
     largest_speed_m_s: float = 0.0
     _executing: bool = False
     _busy: bool = False
@@ -120,6 +126,8 @@ class FakeArm:
                 self.runtime_state = PLAYING
             elif trigger.fault is Fault.SLIDER_ZERO:
                 self.slider = 0.0
+            elif trigger.fault is Fault.PART_LOST:
+                self.on_cup = False
 
     def restore(self) -> None:
         """Do what an operator does after a fault: clear it, leaving the program stopped and the arm where it is."""
@@ -317,6 +325,23 @@ class FakeArm:
     def tcp_speed(self) -> list[float]:
         """Return velocity and angular velocity of the tool's centre point."""
         return [float(v) for v in self.model.jacobian(self.q, list(self.tcp_offset)) @ self.qd]
+
+    @property
+    def digital_inputs(self) -> int:
+        """Return one bit per input: the vacuum switch's, if there is one."""
+        if self.wiring is None or self.wiring.input_bit is None:
+            return 0
+        return int(self.on_cup or Fault.PART_STICKS in self.world.active) << self.wiring.input_bit
+
+    def switch(self, bit: int, on: bool) -> None:
+        """Set a digital output; the one of the cup's valve takes the part at the cup, or lets it go."""
+        before = self.digital_outputs
+        self.digital_outputs = before | 1 << bit if on else before & ~(1 << bit)
+        if self.wiring is None or bit != self.wiring.output_bit or self.digital_outputs == before:
+            return
+        self.begin("grip")
+        self.on_cup = on and self.world.part_at(self.tcp[:3, 3])
+        self.log.append(f"vacuum {'on' if on else 'off'}")
 
     def close_gripper(self, wanted_m: float) -> None:
         """Move the fingers: they stop on a part where there is one."""

@@ -49,6 +49,8 @@ class FakeController:
         world = World.of_plan(plan) if plan else World()
         q = np.array(plan.first_waypoint.q if plan else HOME)
         self.arm = FakeArm(model, q, world)
+        if plan is not None and plan.gripper == "suction":
+            self.arm.wiring = plan.cell.vacuum
         if plan is not None and plan.cell.serial:
             self.arm.serial = plan.cell.serial
         if serial is not None:
@@ -198,7 +200,9 @@ class FakeController:
                 arm.q = np.array([float(v) for v in request["q"]])
             elif "gripper_m" in request:
                 arm.gripper_m = float(request["gripper_m"])
-        except (ValueError, InputError, AttributeError) as error:
+            elif "output" in request:
+                arm.switch(int(request["output"]), bool(request["on"]))
+        except (KeyError, ValueError, InputError, AttributeError) as error:
             return json.dumps({"error": str(error)})
         return json.dumps(self.truth())
 
@@ -213,6 +217,8 @@ class FakeController:
             "program_running": arm.runtime_state == PLAYING,
             "safety_mode": arm.safety_mode,
             "gripper_m": arm.gripper_m,
+            "digital_outputs": arm.digital_outputs,
+            "on_cup": arm.on_cup,
             "payload_kg": arm.payload_kg,
             "largest_speed_m_s": arm.largest_speed_m_s,
             "begun": arm.begun,

@@ -25,7 +25,23 @@ _FORMATS = {
     "UINT64": "Q",
     "VECTOR6INT32": "6i",
     "BOOL": "?",
+    "UINT8": "B",
 }
+_OUTPUT_BANKS = {
+    "standard_digital_output": (0, 8),
+    "configurable_digital_output": (8, 8),
+    "tool_digital_output": (16, 2),
+}
+"""First bit and count of each bank of digital outputs."""
+_IGNORED = {
+    "speed_slider_mask": "UINT32",
+    "speed_slider_fraction": "DOUBLE",
+    "standard_analog_output_mask": "UINT8",
+    "standard_analog_output_type": "UINT8",
+    "standard_analog_output_0": "DOUBLE",
+    "standard_analog_output_1": "DOUBLE",
+}
+"""Inputs that a client may announce and that change nothing here."""
 Value = list[float] | list[int] | float | int
 
 
@@ -75,8 +91,8 @@ def _outputs(arm: FakeArm) -> dict[str, tuple[str, Callable[[], Value]]]:
         "payload_inertia": ("VECTOR6D", zeros),
         "joint_mode": ("VECTOR6INT32", lambda: [255] * 6),
         "actual_tool_accelerometer": ("VECTOR3D", lambda: [0.0, 0.0, 9.81]),
-        "actual_digital_input_bits": ("UINT64", lambda: 0),
-        "actual_digital_output_bits": ("UINT64", lambda: 0),
+        "actual_digital_input_bits": ("UINT64", lambda: arm.digital_inputs),
+        "actual_digital_output_bits": ("UINT64", lambda: arm.digital_outputs),
     }
     for name in ("target_qdd", "target_current", "target_moment", "actual_current", "joint_control_output"):
         out[name] = ("VECTOR6D", zeros)
@@ -181,8 +197,18 @@ class _Client:
         with contextlib.suppress(struct.error):
             # A client that sends five numbers where six belong is not understood; a real controller ignores it, too.
             values = list(packing.unpack(body[1:]))
-            for name in names:
-                if name.startswith("input_int_register_"):
+            for name, following in zip(names, [*names[1:], ""], strict=True):
+                if name.removesuffix("_mask") in _OUTPUT_BANKS and following == name.removesuffix("_mask"):
+                    first, count = _OUTPUT_BANKS[following]
+                    mask, states = values.pop(0), values.pop(0)
+                    for k in range(count):
+                        if mask >> k & 1:
+                            arm.switch(first + k, bool(states >> k & 1))
+                elif name in _OUTPUT_BANKS:
+                    continue
+                elif name in _IGNORED:
+                    values.pop(0)
+                elif name.startswith("input_int_register_"):
                     arm.ints[int(name[19:])] = values.pop(0)
                 elif name.startswith("input_double_register_"):
                     arm.doubles[int(name[22:])] = values.pop(0)
@@ -206,6 +232,10 @@ class _Client:
 
 
 def _input_kind(name: str) -> str:
+    if name.removesuffix("_mask") in _OUTPUT_BANKS:
+        return "UINT8"
+    if name in _IGNORED:
+        return _IGNORED[name]
     if name.startswith("input_int_register_"):
         return "INT32"
     if name.startswith("input_double_register_"):

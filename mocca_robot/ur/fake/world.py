@@ -45,6 +45,10 @@ class Fault(StrEnum):
     CONTACT = "contact"
     FORCE = "force"
     PART_MISSING = "part_missing"
+    PART_LOST = "part_lost"
+    """The part falls off the cup."""
+    PART_STICKS = "part_sticks"
+    """The vacuum under the cup does not go."""
     UNSAFE_POSE = "unsafe_pose"
     LOCAL_CONTROL = "local_control"
 
@@ -151,6 +155,11 @@ class World:
         self.active.difference_update(faults)
         if Fault.CONTACT not in self.active:
             self._early_point = self._early_direction = None
+
+    def part_at(self, position: Array) -> bool:
+        """Return whether a cup at `position` finds a part."""
+        missing = Fault.PART_MISSING in self.active
+        return not missing and any(np.linalg.norm(where - position) < 0.01 for where, _ in self.parts)
 
     def grip_width(self, position: Array, wanted_m: float) -> tuple[float, bool]:
         """Return the opening that closing fingers reach at `position`, and whether a part stopped them."""
