@@ -18,16 +18,17 @@ FIGURES = "figures/bench"
 INTRODUCTION = """<!-- Written by `python -m benchmarks page` from what `make bench` kept; edit benchmarks/page.py. -->
 # Benchmarks
 
-Every number here was measured by `make bench` on one machine, each chapter's tools side by side in one run. Yours will
-differ: run it to have this page for your computer. Seconds are the median of a process's CPU time unless a line says
-otherwise: that is disturbed less than the clock by what ran beside. `kkt` is the relative residual of the optimality
+Every number here was measured by the project's benchmarks on one machine; rows of a chapter may come from runs at
+different times, with whatever else the machine had to do. Yours will differ: `make bench` writes this page for your
+computer. Seconds are the median of a process's CPU time unless a line says otherwise: that is disturbed less than the
+clock by what ran beside. `kkt` is the relative residual of the optimality
 conditions, computed in the same way for every solver. Time limits are by the clock. Each chapter names the load at its
 end: where that is above the number of cores, others used the machine as well, and all times are longer than they would
 be on a quiet one. Chapters and cases that have not been measured are missing. [Performance](performance.md) says how to
 run one of them.
 """
 CONFIGS_TEXT = """The article's times are those of its Table 1 (Knitro, 64 cores, wall clock); ours are CPU seconds
-of all threads together, contacts included."""
+of all threads together, for the design alone: contacts are found before."""
 TOOLS_TEXT = """Milliseconds; in brackets the kkt residual where it is above 1e-8, or what went wrong. The last
 column is the fastest *other* tool with a residual up to 1e-6, over the best of ours."""
 BASELINE_TEXT = """Leaning walls without α, as in Fig. 17. *direct, differences* is direct search over all joint
