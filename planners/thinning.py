@@ -37,6 +37,8 @@ UNEVEN = 0.3
 """Spread of the first prices (standard deviation of their logarithm)."""
 FIRST_GROUPS = 8
 TRIALS = 120
+PATIENCE = 8
+"""Bumps that cannot be spared, one after another, after which the rest, which carry more, are not tried."""
 FULL_EFFORT = 330
 """Joints up to which all passes and trials are made. Beyond, their number falls with the square of the joints: each one
 costs more, and thinning must not take longer than finding a design that holds."""
@@ -68,19 +70,19 @@ def thin(problem: Problem, found: Polished, watch: Callable[[Polished], None] | 
     holds(concentrated, 12)
     order = np.flatnonzero(best.parameters.curved)
     order = order[np.argsort(through[order], kind="stable")]
-    place, size, trials = 0, max(1, len(order) // FIRST_GROUPS), 0
-    while place < len(order) and trials < round(TRIALS * _effort(problem)):
+    place, size, trials, needed = 0, max(1, len(order) // FIRST_GROUPS), 0, 0
+    while place < len(order) and trials < round(TRIALS * _effort(problem)) and needed < PATIENCE:
         trials += 1
         curved = best.parameters.curved.copy()
         curved[order[place : place + size]] = False
         fewer = replace(best.parameters, curved=curved)
         left = float(evaluate(problem, fewer, problem.shapes.options.inset).infeasibility.max())
         if left <= MARGIN_SOLVED and holds(fewer, 0):
-            place += size
+            place, needed = place + size, 0
         elif size > 1:
             size //= 2
         else:
-            place += 1
+            place, needed = place + 1, needed + 1
     return best
 
 
