@@ -14,6 +14,7 @@ from importlib import metadata
 from pathlib import Path
 
 from benchmarks.measurement import Measurement
+from mocca_robot.cli.info import cpu
 
 FOLDER = Path(__file__).parents[1] / "out" / "bench"
 NOISE_RATIO, NOISE_S = 1.5, 0.02
@@ -34,7 +35,7 @@ def about_here() -> dict[str, str]:
     """Return date, machine and versions; 'load' is the number of other processes that wanted a core at the end."""
     found = {
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "machine": f"{_processor()}, {os.cpu_count()} cores",
+        "machine": f"{cpu()}, {os.cpu_count()} cores",
         "system": f"{platform.system()} {platform.release()}, Python {platform.python_version()}",
         "load": f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown",
     }
@@ -48,17 +49,7 @@ def about_here() -> dict[str, str]:
 
 def machine_key() -> str:
     """Return a name of this machine for files: its processor and number of cores."""
-    return re.sub(r"[^a-z0-9]+", "-", f"{_processor()}-{os.cpu_count()}".lower()).strip("-")[:80]
-
-
-def _processor() -> str:
-    try:
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
+    return re.sub(r"[^a-z0-9]+", "-", f"{cpu()}-{os.cpu_count()}".lower()).strip("-")[:80]
 
 
 def path_of(bench: str, quick: bool, folder: Path = FOLDER) -> Path:
