@@ -41,12 +41,13 @@ def cause(
     if stiff not in (found.verdict, Verdict.FAILED):
         return f"soft contacts: {stiff} with a step of {step / STIFFER * 1e6:.0f} µs"
     friction = tilted.scene.settings.friction
+    again = "too" if stiff is found.verdict else "not shown: that run gave no verdict"
     if found.verdict is Verdict.FELL and friction > 0.0:
         opened, rays = coulomb_rays(assembly, contacts, found.motion, friction)
         if not _holds(assembly, contacts, case, rays):
             return (
-                f"friction not made by the fall: falls with a step of {step / STIFFER * 1e6:.0f} µs too, and by "
-                f"statics with the forces that go with this fall ({opened} of {len(rays)} contact points open)"
+                f"friction not made by the fall: falls with a step of {step / STIFFER * 1e6:.0f} µs {again}; by "
+                f"statics it falls with the forces that go with this fall ({opened} of {len(rays)} contact points open)"
             )
     for gentle in (0.0, 0.4):
         other = judged(tilted, replace(LIMITS, gentle_s=gentle)).verdict
