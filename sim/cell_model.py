@@ -28,6 +28,7 @@ from sim.cell_arm import ARM, PAD, PART, add_arm, add_cup
 from sim.contact_model import ContactModel, Geom, embed, facets, geom, pieces
 from sim.heard import listen
 from sim.inertia import inertia
+from sim.scene import add_shape
 from sim.settings import Settings, settings_for
 from sim.solid_pieces import solid_pieces
 
@@ -278,31 +279,10 @@ def _thickness(part: Part) -> float:
 
 
 def _add_geom(spec: Any, assembly: Assembly, body: Any, number: int, shape: Geom, settings: Settings) -> str:
-    import mujoco
-
-    centre, name = embed(assembly.parts[shape.part].centroid), f"joint {number}"
     contype, conaffinity = {"any": (0, 0), "point": (POINT, 0), "face": (0, POINT)}[shape.role]
-    common: dict[str, Any] = {
-        "name": name,
-        "mass": 0.0,
-        "contype": contype,
-        "conaffinity": conaffinity,
-        "condim": settings.condim,
-        "friction": [settings.friction, 0.0, 0.0],
-        "solref": settings.solref,
-        "solimp": settings.solimp,
-        "group": 4,
-    }
-    if shape.kind == "convex":
-        mesh = spec.add_mesh(name=name, uservert=(shape.points - centre).ravel())
-        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **common)
-        return name
-    kind = mujoco.mjtGeom.mjGEOM_SPHERE if shape.kind == "sphere" else mujoco.mjtGeom.mjGEOM_BOX
-    quat = np.zeros(4)
-    mujoco.mju_mat2Quat(quat, shape.rotation.ravel())
-    body.add_geom(type=kind, pos=shape.points[0] - centre, quat=quat, size=shape.size, **common)
-    return name
+    collides = {"contype": contype, "conaffinity": conaffinity, "group": 4}
+    centre = embed(assembly.parts[shape.part].centroid)
+    return add_shape(spec, body, shape, f"joint {number}", centre, settings, **collides)
 
 
 def _pair(spec: Any, place: Workplace, settings: Settings, first: str, second: str) -> None:

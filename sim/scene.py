@@ -238,33 +238,41 @@ def _present_geoms(scene: Scene) -> list[tuple[int, Geom]]:
 
 
 def _geom(out: Any, scene: Scene, body: Any, number: int, geom: Geom) -> str:
+    collides: dict[str, int] = {}
+    if geom.role != "any" or scene.contact_model.pairs is not None:
+        contype, conaffinity = {"any": (0, 0), "point": (2, 4), "face": (4, 2)}[geom.role]
+        collides = {"contype": contype, "conaffinity": conaffinity}
+    centre = embed(scene.assembly.parts[geom.part].centroid)
+    return add_shape(out, body, geom, f"{body.name}/{number}", centre, scene.settings, **collides)
+
+
+def add_shape(spec: Any, body: Any, shape: Geom, name: str, centre: Array, settings: Settings, **further: int) -> str:
+    """Add a shape without mass to the body that turns about `centre` (3,), and return its name.
+
+    `further` are more attributes of MuJoCo's geom: what it may collide with, its group.
+    """
     import mujoco
 
-    s = scene.settings
-    centre = embed(scene.assembly.parts[geom.part].centroid)
-    name = f"{body.name}/{number}"
     common: dict[str, Any] = {
         "name": name,
         "mass": 0.0,
-        "condim": s.condim,
-        "friction": [s.friction, 0.0, 0.0],
-        "solref": s.solref,
-        "solimp": s.solimp,
+        "condim": settings.condim,
+        "friction": [settings.friction, 0.0, 0.0],
+        "solref": settings.solref,
+        "solimp": settings.solimp,
+        **further,
     }
-    if geom.role != "any" or scene.contact_model.pairs is not None:
-        contype, conaffinity = {"any": (0, 0), "point": (2, 4), "face": (4, 2)}[geom.role]
-        common |= {"contype": contype, "conaffinity": conaffinity}
-    if geom.kind == "convex":
-        mesh = out.add_mesh(name=name)
-        mesh.uservert = (geom.points - centre).ravel()
+    if shape.kind == "convex":
+        mesh = spec.add_mesh(name=name)
+        mesh.uservert = (shape.points - centre).ravel()
         # Thin slivers have no volume worth the name; masses are given explicitly anyway.
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **common)
         return name
-    kind = mujoco.mjtGeom.mjGEOM_SPHERE if geom.kind == "sphere" else mujoco.mjtGeom.mjGEOM_BOX
+    kind = mujoco.mjtGeom.mjGEOM_SPHERE if shape.kind == "sphere" else mujoco.mjtGeom.mjGEOM_BOX
     quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, geom.rotation.ravel())
-    body.add_geom(type=kind, pos=geom.points[0] - centre, quat=quaternion, size=geom.size, **common)
+    mujoco.mju_mat2Quat(quaternion, shape.rotation.ravel())
+    body.add_geom(type=kind, pos=shape.points[0] - centre, quat=quaternion, size=shape.size, **common)
     return name
 
 
