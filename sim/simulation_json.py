@@ -81,6 +81,7 @@ def _tilt(t: TiltReport) -> dict[str, Any]:
     return {
         "azimuth_deg": float(np.rad2deg(t.azimuth_rad)),
         "critical_deg": float(np.rad2deg(t.critical_rad)),
+        "within_deg": float(np.rad2deg(t.within_rad)),
         "statics_deg": float(np.rad2deg(t.statics_rad)),
         "friction": t.friction,
         "moved": list(t.moved),

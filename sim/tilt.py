@@ -32,6 +32,8 @@ class TiltReport:
         friction: Coulomb coefficient.
         moved: parts that moved in the smallest tilt that fell.
         failed: tilts (radians) whose runs gave no verdict; they count as not standing.
+        within_rad: half the distance of those two tilts: no more is known of the critical one. The search begins
+            around statics' guess, so that a difference from statics means nothing without it.
     """
 
     azimuth_rad: float
@@ -40,6 +42,7 @@ class TiltReport:
     friction: float
     moved: tuple[str, ...]
     failed: tuple[float, ...]
+    within_rad: float = 0.0
 
     @property
     def difference_rad(self) -> float:
@@ -110,8 +113,9 @@ def physical_tilt(
         low, high = _bracket(stands, guess, resolution_rad, high)
     moved = sure[high].moved if high in sure else ()
     failed = tuple(a for a, found in sure.items() if found.verdict is Verdict.FAILED)
-    critical = np.pi / 2 if high >= np.pi / 2 else 0.5 * (low + high)
-    return TiltReport(azimuth_rad, float(critical), guess, friction, moved, failed)
+    if high >= np.pi / 2:
+        return TiltReport(azimuth_rad, np.pi / 2, guess, friction, moved, failed)
+    return TiltReport(azimuth_rad, 0.5 * (low + high), guess, friction, moved, failed, 0.5 * (high - low))
 
 
 def _bracket(stands: Callable[[float], bool], guess: float, width: float, stood: float = -1.0) -> tuple[float, float]:

@@ -7,6 +7,7 @@ import pytest
 
 from mocca_robot.assembly import Assembly, Equilibrium, Goal, Interlocking, Part, Polygon, SupportFree
 from mocca_robot.cli.physics_evidence import bounds, simulation_findings
+from mocca_robot.cli.verdict import physics_words
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
@@ -84,3 +85,8 @@ def test_jams_inside_and_passages_outside_the_cone() -> None:
     found = simulation_findings(assembly(), {"insertion": [{**entry, "trials": trials}]})
     assert [f.kind for f in found] == ["jams", "disagreement"]
     assert "penetrated by 1 mm" in found[0].text and all(f.parts == ("b",) for f in found)
+
+
+def test_engines_are_no_closer_than_physics_is_fine() -> None:
+    told = {"engine": "mujoco", "tilt": [{**tilt(12.5, 12.5, 0.0), "within_deg": 0.05}]}
+    assert "statics at most 0.05° apart" in physics_words(told)

@@ -181,6 +181,16 @@ def test_sliding_contacts_do_not_hop(side):
     assert found.stands == (found.max_share < 1e-3)
 
 
+def test_a_critical_tilt_says_how_finely_it_is_known_and_both_ends_were_run():
+    assembly = stack(3)
+    contacts = find_contacts(assembly).contacts
+    model = pieces(assembly, contacts)
+    found = physical_tilt(tilt_scene(assembly, model), contacts, 0.0)
+    assert 0.0 < found.within_rad <= 0.5 * RESOLUTION
+    for side, stands in ((-1.0, True), (1.0, False)):
+        assert let_go(assembly, found.critical_rad + side * found.within_rad, model=model).stands is stands
+
+
 def test_the_tilt_table_needs_an_azimuth():
     with pytest.raises(InputError, match="0 azimuths"):
         azimuths(stack(1), 0)

@@ -84,7 +84,7 @@ def physics_words(simulation: Mapping[str, Any]) -> str:
     level = [t for t in tilts if t["friction"] == 0.0]
     if level:
         least = min(level, key=lambda t: t["critical_deg"])
-        apart = max(abs(t["critical_deg"] - t["statics_deg"]) for t in level)
+        apart = max(abs(t["critical_deg"] - t["statics_deg"]) + t.get("within_deg", 0.0) for t in level)
         said.append(f"falls at a tilt of {least['critical_deg']:.2f}° (statics at most {apart:.2f}° apart)")
     if insertion:
         trials, passed = (sum(e["inside"][k] for e in insertion) for k in ("trials", "succeeded"))

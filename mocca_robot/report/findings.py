@@ -162,10 +162,10 @@ def _told(data: ReportData, found: list[str]) -> list[str]:
 
 
 def tilt_gaps(data: ReportData) -> tuple[float, ...]:
-    """Return |statics − MuJoCo| in degrees for every critical tilt that both decide."""
+    """Return how far apart, in degrees, statics and MuJoCo may be at most for every critical tilt that both decide."""
     known = [(e, e.get("critical_deg"), _statics_tilt(data, e)) for e in entries(data, "tilt")]
     pairs = [(e, a, b) for e, a, b in known if a is not None and b is not None]
-    return tuple(abs(a - b) for e, a, b in pairs if not _only_bounded(e, a, b))
+    return tuple(abs(a - b) + float(e.get("within_deg") or 0.0) for e, a, b in pairs if not _only_bounded(e, a, b))
 
 
 def _statics_tilt(data: ReportData, entry: Mapping[str, Any]) -> float | None:

@@ -32,12 +32,14 @@ def tilt(data: ReportData) -> str:
         known = {round(float(np.rad2deg(t.azimuth_rad)), 6): t for t in mine}
         statics = {a: float(np.rad2deg(t.after_rad)) for a, t in known.items()}
         physics: dict[float, float] = {}
+        within: dict[float, float] = {}
         for entry in theirs:
             azimuth = round(float(entry.get("azimuth_deg") or 0.0), 6)
             if entry.get("statics_deg") is not None:
                 statics.setdefault(azimuth, float(entry["statics_deg"]))
             if entry.get("critical_deg") is not None:
                 physics[azimuth] = float(entry["critical_deg"])
+                within[azimuth] = float(entry.get("within_deg") or 0.0)
         inputs = {a: float(np.rad2deg(t.before_rad)) for a, t in known.items() if t.before_rad is not None}
         for name, style, values in (
             ("statics", "statics", statics),
@@ -52,10 +54,10 @@ def tilt(data: ReportData) -> str:
             figures.append(f"<figure>{drawn}<figcaption>Friction coefficient {mu:g}.</figcaption></figure>")
         for azimuth in sorted({*statics, *physics}):
             a, b = statics.get(azimuth), physics.get(azimuth)
-            apart = "–" if a is None or b is None else f"{abs(a - b):.2f}°"
+            apart = "–" if a is None or b is None else f"{abs(a - b) + within[azimuth]:.2f}°"
             cells = ["–" if v is None else f"{v:.2f}°" for v in (inputs.get(azimuth), a, b)]
             rows.append([_towards(azimuth, dimension), f"{mu:g}", *cells, apart])
-    head = ("Towards", "Friction", "Input, statics", "Statics", "MuJoCo", "Apart")
+    head = ("Towards", "Friction", "Input, statics", "Statics", "MuJoCo", "Apart, at most")
     words = "<p>How far the ground can tilt before something moves: by a linear program, and by letting MuJoCo go.</p>"
     body = f'{words}<div class="figures">{"".join(figures)}</div>'
     return section("tilt", "Tilt", body + table(head, rows, caption="Critical tilt", numeric=(1, 2, 3, 4, 5)))
