@@ -9,7 +9,7 @@ import numpy as np
 
 from mocca_robot.assembly import Assembly, SupportFree
 from mocca_robot.cli.evidence import Finding, quoted
-from mocca_robot.report.findings import TILT_AGREEMENT_DEG
+from mocca_robot.report.findings import TILT_AGREEMENT_DEG, UNTOLD
 
 
 def simulation_findings(assembly: Assembly, simulation: Mapping[str, Any]) -> list[Finding]:
@@ -64,7 +64,7 @@ def _disagreements(assembly: Assembly, simulation: Mapping[str, Any]) -> list[st
 def bounds(assembly: Assembly, simulation: Mapping[str, Any]) -> list[str]:
     """Return where MuJoCo falls earlier than statics with friction allows: worth knowing, but no contradiction."""
     early = [t for t in simulation.get("tilt", ()) if bounded(t) and _apart(assembly, t)]
-    return [f"T{_tilt_words(assembly, t)[1:]}: with friction statics is an upper bound." for t in early]
+    return [f"T{_tilt_words(assembly, t)[1:]}: {UNTOLD}." for t in early]
 
 
 def bounded(tilt: Mapping[str, Any]) -> bool:
