@@ -23,7 +23,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.files.config import load
 from mocca_robot.loads import tilted_gravity
 from mocca_robot.verify import case_at, critical_tilt, solve_case
-from planners.designer import design
+from planners.cone_joints.designer import design
 from sim.contact_model import contact_model
 from sim.scene import with_gravity
 from sim.simulation import TILT_AGREEMENT_RAD

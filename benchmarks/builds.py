@@ -45,9 +45,9 @@ def _build(name: str, folder: Path, *, execute: bool) -> Iterator[Measurement]:
     from mocca_robot.files.design_json import read_design, write_design
     from mocca_robot.ur.plan import write_plan
     from mocca_robot.ur.plan_reader import file_sha256, read_plan
-    from planners.build_plan import build_plan
-    from planners.cell import read_cell
-    from planners.designer import design
+    from planners.cone_joints.designer import design
+    from planners.robot.build_plan import build_plan
+    from planners.robot.cell import read_cell
     from sim.rehearsal import rehearse
 
     config = load(ROOT / "configs" / f"{name}.yaml")

@@ -16,9 +16,9 @@ from benchmarks.measurement import Measurement, Outcome, measure
 from mocca_robot.assembly import Assembly, Part, Polygon
 from mocca_robot.files.config import load
 from mocca_robot.joints.options import JointOptions
-from planners.designer import design
-from planners.direct_search import Gradient, direct_search
-from planners.paper_programme import paper_design
+from planners.baselines.direct_search import Gradient, direct_search
+from planners.baselines.paper_programme import paper_design
+from planners.cone_joints.designer import design
 
 LEAN_RAD = float(np.deg2rad(20.0))
 SIZES = (4, 8, 16, 32)

@@ -15,7 +15,7 @@ from benchmarks.measurement import Measurement, Outcome, measure
 from mocca_robot.assembly import Assembly, Lateral
 from mocca_robot.contacts import find_contacts
 from mocca_robot.generators import generate
-from planners.designer import design
+from planners.cone_joints.designer import design
 
 SIZES = (50, 100, 200, 400, 800, 2000)
 QUICK_SIZES = (50,)

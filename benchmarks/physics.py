@@ -13,7 +13,7 @@ from benchmarks.measurement import Measurement, Outcome, measure
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts import find_contacts
 from mocca_robot.files.config import load
-from planners.designer import design
+from planners.cone_joints.designer import design
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 NAMES = ("leaning_tower_20", "horse", "pavilion")

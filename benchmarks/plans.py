@@ -9,10 +9,10 @@ from statistics import median
 
 from benchmarks.measurement import Measurement, Outcome, measure
 from mocca_robot.files.config import load
-from planners.build_plan import build_plan
-from planners.cell import read_cell
-from planners.designer import design
-from planners.recheck import recheck
+from planners.cone_joints.designer import design
+from planners.robot.build_plan import build_plan
+from planners.robot.cell import read_cell
+from planners.robot.recheck import recheck
 
 ROOT = Path(__file__).parents[1]
 FLAT, SOLID, LARGE = "ur5e_2f85", "ur10e_suction", "ur20_suction"

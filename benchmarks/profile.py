@@ -13,7 +13,7 @@ from benchmarks.measurement import Measurement
 from mocca_robot.contacts import find_contacts
 from mocca_robot.files.config import load
 from mocca_robot.verify import verify
-from planners.designer import design
+from planners.cone_joints.designer import design
 
 ROOT = Path(__file__).parents[1]
 NAMES = ("deer", "lilium_tower", "igloo")
@@ -25,11 +25,11 @@ ROOMS = {
     "mocca_robot/sweep": "sweeps",
     "mocca_robot/joints": "joint geometry",
     "mocca_robot/report": "report",
-    "planners/curvature": "descent",
-    "planners/descent": "descent",
-    "planners/energy": "energy and gradient",
-    "planners/shapes": "joint geometry",
-    "planners/clearance": "joint geometry",
+    "planners/cone_joints/curvature": "descent",
+    "planners/cone_joints/descent": "descent",
+    "planners/cone_joints/energy": "energy and gradient",
+    "planners/cone_joints/shapes": "joint geometry",
+    "planners/cone_joints/clearance": "joint geometry",
     "planners": "search, other",
     "mocca_robot": "other",
 }

@@ -22,7 +22,7 @@ from mocca_robot.ur.plan import MoveKind, Plan, Step, Waypoint
 from mocca_robot.ur.pose import Three, pose_of, six
 from mocca_robot.ur.status import ArmState, ExecutionEvent, ExecutionStatus, Outcome
 from mocca_robot.ur.supervision import Stopped
-from planners.tool import SuctionGripper
+from planners.robot.tool import SuctionGripper
 from sim.cell_cup import overload, sealed, suck
 from sim.cell_force import touched
 from sim.cell_model import Moment, Phase, Pose, Workplace, seat

@@ -13,8 +13,8 @@ import numpy as np
 
 from mocca_robot.assembly import Array
 from mocca_robot.ur.links import capsules, offsets
-from planners.cell import RobotCell
-from planners.tool import ParallelGripper, SuctionGripper
+from planners.robot.cell import RobotCell
+from planners.robot.tool import ParallelGripper, SuctionGripper
 
 LINK_MASS_KG = MappingProxyType(
     {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planners.tool import SuctionGripper
+from planners.robot.tool import SuctionGripper
 from sim.cell_world import CellWorld
 
 BACK_M = 0.02

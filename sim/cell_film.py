@@ -14,7 +14,7 @@ from mocca_robot.extrusion import surface
 from mocca_robot.report.rehearsal import CellFilm, Chapter, ShownBody
 from mocca_robot.ur.links import capsules
 from mocca_robot.ur.models import RobotModel
-from planners.tool import Gripper, SuctionGripper
+from planners.robot.tool import Gripper, SuctionGripper
 from sim.cell import Frame
 from sim.cell_model import Workplace
 from sim.contact_model import embed

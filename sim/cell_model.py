@@ -21,9 +21,9 @@ import numpy as np
 from mocca_robot.assembly import Array, Assembly, Part, Polygon
 from mocca_robot.contacts import Contact
 from mocca_robot.extrusion import surface
-from planners.cell import RobotCell
-from planners.site import Site
-from planners.tool import SuctionGripper
+from planners.robot.cell import RobotCell
+from planners.robot.site import Site
+from planners.robot.tool import SuctionGripper
 from sim.cell_arm import ARM, PAD, PART, add_arm, add_cup
 from sim.contact_model import ContactModel, Geom, embed, facets, geom, pieces
 from sim.heard import listen

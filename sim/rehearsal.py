@@ -25,8 +25,8 @@ from mocca_robot.ur.executor import execute
 from mocca_robot.ur.plan import MoveKind, Plan, insertion_axis
 from mocca_robot.ur.pose import rotation_matrix, transform
 from mocca_robot.ur.status import ExecutionEvent, ExecutionStatus
-from planners.cell import cell_of
-from planners.site import site
+from planners.robot.cell import cell_of
+from planners.robot.site import site
 from sim.cell import CannotBelieve, Frame, SimulatedCell, Track
 from sim.cell_model import Pose, Workplace, seat, workplace
 

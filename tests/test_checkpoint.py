@@ -21,9 +21,9 @@ from mocca_robot.files.config import load
 from mocca_robot.files.design_json import read_design
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.verify import verify
-from planners.checkpoint import Checkpoint, design_identity, read_checkpoint
-from planners.designer import Designed, design
-from planners.search import SearchState, Stage
+from planners.cone_joints.checkpoint import Checkpoint, design_identity, read_checkpoint
+from planners.cone_joints.designer import Designed, design
+from planners.cone_joints.search import SearchState, Stage
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 

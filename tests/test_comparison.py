@@ -11,7 +11,7 @@ from mocca_robot.assembly import Equilibrium
 from mocca_robot.cli.compare import judged
 from mocca_robot.files.config import load
 from mocca_robot.report.comparison import Variant
-from planners.comparison import CONE_JOINTS, joineries
+from planners.baselines.comparison import CONE_JOINTS, joineries
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 

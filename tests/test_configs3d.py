@@ -10,7 +10,7 @@ import pytest
 from mocca_robot.files.config import load
 from mocca_robot.files.design_json import read_design, write_design
 from mocca_robot.verify import critical_tilt, verify
-from planners.designer import design
+from planners.cone_joints.designer import design
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 OVERLAP = 1e-6

@@ -11,10 +11,10 @@ import pytest
 from benchmarks.design_baseline import leaning_wall
 from mocca_robot.assembly import Array, Assembly
 from mocca_robot.generators import generate
-from planners import curvature, descent
-from planners.curvature import Products, Written
-from planners.descent import Linear, Parameters, Problem
-from planners.designer import design
+from planners.cone_joints import curvature, descent
+from planners.cone_joints.curvature import Products, Written
+from planners.cone_joints.descent import Linear, Parameters, Problem
+from planners.cone_joints.designer import design
 
 DOME = {"blocks": [8, 7, 5], "thickness": 0.15, "snap": 0.2}
 
@@ -31,7 +31,7 @@ def linearised_of(assembly: Assembly, monkeypatch: pytest.MonkeyPatch, limit: in
     with monkeypatch.context() as patch:
         patch.setattr(descent, "LARGE", limit)
         patch.setattr(descent, "linearised", kept)
-        patch.setattr("planners.search.MANY_JOINTS", 0)
+        patch.setattr("planners.cone_joints.search.MANY_JOINTS", 0)
         with pytest.raises(InterruptedError):
             design(assembly)
     return found[0]

@@ -19,7 +19,7 @@ from mocca_robot.joints.options import JointOptions
 from mocca_robot.loads import case_wrenches, load_cases
 from mocca_robot.statics.equilibrium import equilibrium
 from mocca_robot.verify import critical_tilt, verify
-from planners.designer import design
+from planners.cone_joints.designer import design
 
 
 def rectangle(name: str, x: float, y: float, w: float, h: float, fixed: bool = False) -> Part:

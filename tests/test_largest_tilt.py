@@ -14,8 +14,8 @@ from mocca_robot.errors import InputError
 from mocca_robot.files.assembly_json import write_assembly
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.verify import critical_tilt
-from planners.designer import design
-from planners.largest_tilt import RESOLUTION, largest_tilt
+from planners.cone_joints.designer import design
+from planners.cone_joints.largest_tilt import RESOLUTION, largest_tilt
 
 
 def rectangle(name: str, x: float, y: float, w: float, h: float, fixed: bool = False) -> Part:

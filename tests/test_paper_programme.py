@@ -16,12 +16,12 @@ from mocca_robot.errors import InputError
 from mocca_robot.joints.build import build_parts
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.verify import verify
-from planners.descent import PENALTY_WEIGHT, Layout, Parameters, evaluate, hinge_values, surface_of
-from planners.direct_search import direct_search, planar_problem
-from planners.energy import energy
-from planners.paper_kinematics import faces
-from planners.paper_programme import paper_design
-from planners.shapes2d import Shapes2D
+from planners.baselines.direct_search import direct_search, planar_problem
+from planners.baselines.paper_kinematics import faces
+from planners.baselines.paper_programme import paper_design
+from planners.cone_joints.descent import PENALTY_WEIGHT, Layout, Parameters, evaluate, hinge_values, surface_of
+from planners.cone_joints.energy import energy
+from planners.cone_joints.shapes2d import Shapes2D
 
 
 def overhang(beyond: float) -> Assembly:
@@ -50,7 +50,7 @@ def test_direct_search_uses_the_moving_centroid_where_fixed_ones_say_no(gradient
 
 
 def test_the_envelope_gradient_is_the_derivative_of_what_is_minimised():
-    from planners import direct_search as module
+    from planners.baselines import direct_search as module
 
     assembly = leaning_wall(5)
     assembly = Assembly(assembly.name, assembly.parts, alpha_rad=np.deg2rad(25.0))

@@ -19,15 +19,15 @@ from mocca_robot.files.config import load
 from mocca_robot.ur.checks import findings
 from mocca_robot.ur.models import MODELS
 from mocca_robot.ur.plan import Move, MoveKind, Plan, Waypoint, insertion_axis, write_plan
-from planners.arm_poses import branches
-from planners.build_plan import BuildPlan, build_plan
-from planners.cell import RobotCell, read_cell
-from planners.grasp import find_grasps
-from planners.recheck import recheck
-from planners.scene import straight
-from planners.site import site
-from planners.tray import tray_layout
-from planners.tray_files import tray_sheet
+from planners.robot.arm_poses import branches
+from planners.robot.build_plan import BuildPlan, build_plan
+from planners.robot.cell import RobotCell, read_cell
+from planners.robot.grasp import find_grasps
+from planners.robot.recheck import recheck
+from planners.robot.scene import straight
+from planners.robot.site import site
+from planners.robot.tray import tray_layout
+from planners.robot.tray_files import tray_sheet
 
 ROOT = Path(__file__).resolve().parents[1]
 CELL_FILE = ROOT / "configs" / "cells" / "ur5e_2f85.yaml"
@@ -205,7 +205,7 @@ def test_a_broken_cell_is_refused(tmp_path: Path, change: str, match: str) -> No
 
 def test_scarecrow_from_its_design_to_a_dry_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from mocca_robot.files.design_json import write_design
-    from planners.designer import design
+    from planners.cone_joints.designer import design
 
     config = load(ROOT / "configs" / "scarecrow.yaml")
     write_design(design(config.assembly, config.joints, insertion=config.insertion).design, tmp_path)

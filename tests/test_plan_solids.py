@@ -17,21 +17,21 @@ from mocca_robot.files.config import load
 from mocca_robot.ur.plan import MoveKind, Plan, insertion_axis, write_plan
 from mocca_robot.ur.plan_reader import read_plan
 from mocca_robot.verify import insertion_rim, sweep_blockers
-from planners.arm_poses import branches
-from planners.bench import Bench
-from planners.build_plan import BuildPlan, build_plan
-from planners.cell import RobotCell, cell_from_document, cell_of, read_cell
-from planners.designer import design
-from planners.grasp import find_grasps
-from planners.grasp_suction import pull
-from planners.rays import first_hits
-from planners.recheck import recheck
-from planners.scene import Scene
-from planners.site import site
-from planners.tool import ParallelGripper, SuctionGripper
-from planners.transit import connect
-from planners.tray import tray_layout, with_layout
-from planners.tray_files import nest
+from planners.cone_joints.designer import design
+from planners.robot.arm_poses import branches
+from planners.robot.bench import Bench
+from planners.robot.build_plan import BuildPlan, build_plan
+from planners.robot.cell import RobotCell, cell_from_document, cell_of, read_cell
+from planners.robot.grasp import find_grasps
+from planners.robot.grasp_suction import pull
+from planners.robot.rays import first_hits
+from planners.robot.recheck import recheck
+from planners.robot.scene import Scene
+from planners.robot.site import site
+from planners.robot.tool import ParallelGripper, SuctionGripper
+from planners.robot.transit import connect
+from planners.robot.tray import tray_layout, with_layout
+from planners.robot.tray_files import nest
 
 CELLS = Path(__file__).resolve().parents[1] / "configs" / "cells"
 

@@ -24,10 +24,10 @@ from mocca_robot.ur.models import MODELS
 from mocca_robot.ur.plan import Plan, write_plan
 from mocca_robot.ur.plan_reader import file_sha256
 from mocca_robot.ur.status import ExecutionStatus
-from planners.build_plan import build_plan
-from planners.cell import RobotCell, read_cell
-from planners.designer import design
-from planners.site import site
+from planners.cone_joints.designer import design
+from planners.robot.build_plan import build_plan
+from planners.robot.cell import RobotCell, read_cell
+from planners.robot.site import site
 from sim.cell_force import hand_wrench
 from sim.cell_model import Moment, Workplace, compile_moment, seat, workplace
 from sim.rehearsal import Options, Rehearsal, rehearse

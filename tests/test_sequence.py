@@ -15,7 +15,7 @@ from mocca_robot.contacts import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.loads import state_cases
 from mocca_robot.verify import insertion_rim, solve_case, sweep_blockers
-from planners.sequence import SequenceResult, SequenceStatus, find_sequence, reordered
+from planners.order.sequence import SequenceResult, SequenceStatus, find_sequence, reordered
 
 
 def box(name: str, x: float, y: float, w: float, h: float, fixed: bool = False) -> Part:
@@ -171,7 +171,7 @@ def test_upright_tenons_deadlock_a_ball_and_say_who_locks_whom() -> None:
 
     from mocca_robot.files.config import load
     from mocca_robot.joints.build import build_parts
-    from planners.tenons import upright_tenons
+    from planners.baselines.tenons import upright_tenons
 
     config = load(Path(__file__).parents[1] / "configs" / "sphere.yaml")
     contacts = find_contacts(config.assembly).contacts
@@ -184,7 +184,7 @@ def test_upright_tenons_deadlock_a_ball_and_say_who_locks_whom() -> None:
 
 
 def test_what_is_known_about_ways_out_stays_true_when_parts_leave() -> None:
-    from planners.exits import Exits
+    from planners.order.exits import Exits
 
     assembly = random_assembly("wall", 3)
     exits = Exits(assembly, find_contacts(assembly).contacts, 36)

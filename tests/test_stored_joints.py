@@ -21,7 +21,7 @@ from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.joints.rectangle import largest_rectangle
 from mocca_robot.joints.tenon import tenon_joint, tenon_joint_2d
-from planners.shapes2d import Shapes2D
+from planners.cone_joints.shapes2d import Shapes2D
 
 KINDS = {
     2: ("planar", "n", "z", "piecewise_n", "piecewise_z", "tenon"),

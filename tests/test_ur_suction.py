@@ -40,7 +40,7 @@ from mocca_robot.ur.plan_reader import plan_from_document
 from mocca_robot.ur.status import ArmState, ExecutionStatus
 from mocca_robot.ur.supervision import Stopped
 from mocca_robot.ur.wiring import SIGNALS, VacuumWiring
-from planners.tool import gripper_document, read_gripper
+from planners.robot.tool import gripper_document, read_gripper
 
 ONE = suction_plan(1, short=True)
 ON = 1 << WIRING.output_bit

@@ -15,7 +15,7 @@ from mocca_robot.files.versions import ASSEMBLY, DESIGN, JOURNAL, REHEARSAL, SIM
 from mocca_robot.files.versions import PLAN as PLAN_FORMAT
 from mocca_robot.ur.plan import document
 from mocca_robot.ur.plan_reader import plan_from_document
-from planners.cell import cell_of
+from planners.robot.cell import cell_of
 from sim.simulation_json import read_simulation
 
 FORMATS = (ASSEMBLY, DESIGN, SIMULATION, REHEARSAL, STUDY, PLAN_FORMAT, JOURNAL)

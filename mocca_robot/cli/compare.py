@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mocca_robot.report.comparison import Variant
     from mocca_robot.verify import CaseVerdict, Verification
 
-COMPARISON = "planners.comparison"
+COMPARISON = "planners.baselines.comparison"
 """The module whose `joineries(assembly, options, contacts=, progress=)` returns the variants.
 
 Its `CONE_JOINTS` is the name of the designed one.

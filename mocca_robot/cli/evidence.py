@@ -13,7 +13,7 @@ from mocca_robot.report.summary import case_words
 from mocca_robot.verify import CaseVerdict, InsertionVerdict, Verification, moving_parts
 
 if TYPE_CHECKING:
-    from planners.designer import Designed
+    from planners.cone_joints.designer import Designed
 
 OVERLAP = {2: 1e-9, 3: 1e-6}
 """Largest overlap of two parts as a share of the smaller one: rounding, not penetration."""

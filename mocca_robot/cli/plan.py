@@ -13,7 +13,7 @@ from mocca_robot.cli.simulate import stored_design
 from mocca_robot.errors import InputError
 
 if TYPE_CHECKING:
-    from planners.build_plan import BuildPlan
+    from planners.robot.build_plan import BuildPlan
 
 DESCRIPTION = """For every part in sequence: pick from the tray, transit, insertion along the cone's axis, release and
 retreat, collision-free and within all limits. Writes plan.json and the tray's drawing. `mocca-robot execute` checks a
@@ -52,10 +52,10 @@ def run(args: argparse.Namespace) -> int:
     from mocca_robot.files.design_json import read_design
     from mocca_robot.ur.plan import write_plan
     from mocca_robot.ur.plan_reader import file_sha256
-    from planners.build_plan import build_plan
-    from planners.cell import read_cell
-    from planners.recheck import recheck
-    from planners.tray_files import write_tray
+    from planners.robot.build_plan import build_plan
+    from planners.robot.cell import read_cell
+    from planners.robot.recheck import recheck
+    from planners.robot.tray_files import write_tray
 
     console = Console(args.json)
     source = stored_design(Path(args.design))

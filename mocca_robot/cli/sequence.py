@@ -9,7 +9,7 @@ from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
 
 if TYPE_CHECKING:
-    from planners.sequence import SequenceResult
+    from planners.order.sequence import SequenceResult
 
 DESCRIPTION = """Takes the assembly apart, part by part along straight ways out, and prints the reverse: an order in
 which every part goes in inside a cone, with as few parts held as possible. Says who locks whom when there is none."""
@@ -31,7 +31,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Return 0 when an order was found, 1 with the reason otherwise."""
     from mocca_robot.contacts import find_contacts, require_sound
-    from planners.sequence import find_sequence
+    from planners.order.sequence import find_sequence
 
     console = Console(args.json)
     with console.stage("read"):

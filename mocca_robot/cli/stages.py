@@ -30,9 +30,9 @@ from mocca_robot.report.summary import case_words
 from mocca_robot.verify import CaseVerdict, Verification, solve_case, verify
 
 if TYPE_CHECKING:
-    from planners.designer import Designed
-    from planners.largest_tilt import LargestTilt
-    from planners.search import SearchState
+    from planners.cone_joints.designer import Designed
+    from planners.cone_joints.largest_tilt import LargestTilt
+    from planners.cone_joints.search import SearchState
     from sim.questions import Questions
 
 INTERRUPTED = 130
@@ -82,8 +82,8 @@ def designed(config: Config, contacts: ContactReport, folder: Path, console: Con
     Goes on where an earlier run of the same input into the same folder was interrupted. Where it stands is kept
     in `PROGRESS_FILE` until `concluded`.
     """
-    from planners.checkpoint import Checkpoint, design_identity, read_checkpoint
-    from planners.designer import design
+    from planners.cone_joints.checkpoint import Checkpoint, design_identity, read_checkpoint
+    from planners.cone_joints.designer import design
 
     insertion = dict(config.insertion) or None
     path = folder / PROGRESS_FILE
@@ -119,7 +119,7 @@ def designed(config: Config, contacts: ContactReport, folder: Path, console: Con
 
 def climbed(config: Config, contacts: ContactReport, console: Console) -> LargestTilt:
     """Return the design at the largest tilt that is found, and what is known beyond it."""
-    from planners.largest_tilt import largest_tilt
+    from planners.cone_joints.largest_tilt import largest_tilt
 
     with console.stage("climb") as show:
         return largest_tilt(

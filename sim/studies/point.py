@@ -80,7 +80,7 @@ def _evaluated(task: Task) -> Row:
 
 def _designed(config: Config, report: Any) -> tuple[Row, Assembly, dict[str, Array], Sequence[Contact]]:
     """Return the figures of a design, and its parts, ways in and contacts as they are read back from its files."""
-    from planners.designer import design
+    from planners.cone_joints.designer import design
 
     found = design(config.assembly, config.joints, insertion=dict(config.insertion) or None, contacts=report)
     with tempfile.TemporaryDirectory(prefix="mocca-point-") as folder:

@@ -1,0 +1,1 @@
+"""What the design is compared with: the article's programmes, direct search, tenons, planar contacts."""

@@ -1,0 +1,307 @@
+"""From a planar assembly to a designed one: kinematic design and geometric realization, iterated (§6)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from mocca_robot.assembly import Array, Assembly, BoolArray, Lateral, read_only
+from mocca_robot.contacts import Contact, ContactReport, find_contacts, require_sound
+from mocca_robot.design import CaseResult, Design, Insertion
+from mocca_robot.errors import InputError
+from mocca_robot.joints.build import build_parts
+from mocca_robot.joints.joint import Joint, planar
+from mocca_robot.joints.options import JointOptions
+from mocca_robot.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
+from mocca_robot.parts_graph import PartMotion, part_motions
+from mocca_robot.verify import insertion_rim, sweep_blockers
+from mocca_robot.ways_out import free_half_angle, ways_out
+from planners.cone_joints.descent import Parameters, Problem, evaluate
+from planners.cone_joints.energy import Loads
+from planners.cone_joints.kinematic import Impossible, bound
+from planners.cone_joints.realization import Polished
+from planners.cone_joints.search import Keep, Progress, Searched, SearchState, search
+from planners.cone_joints.shapes import Shapes
+from planners.cone_joints.shapes2d import Shapes2D
+from planners.cone_joints.shapes3d import Shapes3D
+
+
+@dataclass(frozen=True, eq=False)
+class NarrowPart:
+    """A part whose earlier planar contacts leave a cone narrower than α: no joint can widen it (design bound)."""
+
+    part: str
+    alpha_rad: float
+    required_rad: float
+    blockers: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Designed:
+    """The outcome of a design run.
+
+    Attributes:
+        design: what was built; with joints where the search ended even when it failed, so that it can be looked at.
+        achieved: every required case holds and every part has its insertion cone.
+        impossible: proof that no joint within the bounds holds the named case, if there is one.
+        narrow: parts that no joint can give the α that is asked for.
+        margin_rad: tilt that every required state survives on top of its load, as far as designed for.
+        evaluations: how often E was evaluated.
+        interrupted: what Ctrl-C cut short; the joints are then the nearest found so far. None: it ran to its end.
+        searched: the joints as the search left them, from which a similar design can start; None without a search.
+    """
+
+    design: Design
+    achieved: bool
+    impossible: tuple[str, Impossible] | None = None
+    narrow: tuple[NarrowPart, ...] = ()
+    margin_rad: float = 0.0
+    evaluations: int = 0
+    interrupted: str | None = None
+    searched: Searched | None = None
+    cases: tuple[LoadCase, ...] = field(default=())
+
+
+def design(
+    assembly: Assembly,
+    options: JointOptions | None = None,
+    *,
+    insertion: Mapping[str, Array] | None = None,
+    contacts: ContactReport | None = None,
+    progress: Progress | None = None,
+    resume: SearchState | None = None,
+    keep: Keep | None = None,
+    near: Searched | None = None,
+) -> Designed:
+    """Return cone joints under which `assembly` meets its goals, or the evidence that it cannot.
+
+    Ctrl-C during the search for joints ends it with the nearest ones so far, and `interrupted` set.
+
+    Args:
+        assembly: planar contacts, parts in assembly order.
+        options: bounds on joints; default `JointOptions()`.
+        insertion: insertion directions d_j by part name; by default the designer chooses.
+        contacts: from `find_contacts`, when already at hand.
+        progress: called now and then.
+        resume: where an interrupted design of the same assembly with the same options stood.
+        near: joints of a similar design over the same contacts (`Designed.searched`), to start from.
+        keep: shown every state that `resume` can take; `planners.cone_joints.checkpoint` puts them into a file.
+
+    Raises InputError when parts overlap, float free, or none is fixed.
+    """
+    # Load cases run side by side; a pool of threads inside each would only get in their way.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _designed(assembly, options or JointOptions(), insertion, contacts, progress, resume, keep, near)
+
+
+def _designed(
+    assembly: Assembly,
+    options: JointOptions,
+    insertion: Mapping[str, Array] | None,
+    contacts: ContactReport | None,
+    progress: Progress | None,
+    resume: SearchState | None,
+    keep: Keep | None,
+    near: Searched | None,
+) -> Designed:
+    started = time.perf_counter()
+    report = contacts or find_contacts(assembly)
+    require_sound(assembly, report)
+    found = joint_contacts(assembly, report)
+    if not found:
+        raise InputError(f"'{assembly.name}' has no part that moves and touches another; there is nothing to design.")
+    required = load_cases(assembly)
+    motions = part_motions(assembly, [planar(c) for c in found])
+    given = np.zeros(len(assembly.parts), dtype=np.bool_)
+    given[[assembly.index(name) for name in insertion or {}]] = True
+    axis = _start_axes(assembly, found, motions, insertion or {})
+    margins = margin_cases(assembly, required, options.tilt_margin_rad)
+    loads = Loads.of(assembly, found, (*required, *margins))
+    shapes = joint_shapes(assembly, found, options, axis)
+    # In 3D a way out is a sweep-confirmed find among parts further away: joints are made for it, it stays.
+    turning = ~given & (assembly.dimension == 2 and assembly.alpha_rad is not None)
+    pairs = np.array([c.parts for c in found])
+    problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad, turning)
+    start = _planar_start(shapes, axis)
+    before = evaluate(problem, start)
+    narrow = _narrow_parts(assembly, motions, axis, given)
+
+    impossible = None
+    polished = Polished(start, before.infeasibility, 0.0, 0)
+    searched: Searched | None = None
+    kinematic = realization = 0.0
+    if before.infeasibility.max(initial=0.0) > 1e-13 and not narrow:
+        # A state to go on from exists only where the bound proved nothing.
+        proof = None
+        if resume is None:
+            proof = bound(assembly, found, shapes.can_curve, options, loads, len(required))
+        impossible = None if proof is None else (required[proof.case].name, proof)
+        kinematic = time.perf_counter() - started
+        if impossible is None:
+            searched = search(problem, start, progress, resume=resume, keep=keep, near=near)
+            shapes, polished = searched.shapes, searched.polished
+            problem = replace(problem, shapes=shapes)
+        realization = time.perf_counter() - started - kinematic
+    result = _built(assembly, problem, given, required, before.infeasibility, polished)
+    held = bool(polished.infeasibility[: len(required)].max(initial=0.0) <= 1e-12)
+    seconds = {"kinematic": kinematic, "realization": realization, "total": time.perf_counter() - started}
+    notes = _notes(assembly, shapes, report)
+    finished = Design(assembly, result[0], result[1], result[2], result[3], seconds, notes)
+    return Designed(
+        finished,
+        held and not narrow and polished.violation <= 1e-6,
+        impossible,
+        narrow,
+        options.tilt_margin_rad if polished.infeasibility.max(initial=0.0) <= 1e-9 else 0.0,
+        polished.evaluations,
+        None if searched is None else searched.interrupted,
+        searched,
+        required,
+    )
+
+
+def joint_contacts(assembly: Assembly, report: ContactReport) -> tuple[Contact, ...]:
+    """Return the contacts that joints may replace: between two fixed parts nothing is carried or inserted."""
+    return tuple(c for c in report.contacts if not assembly.fixed[list(c.parts)].all())
+
+
+def joint_shapes(assembly: Assembly, contacts: Sequence[Contact], options: JointOptions, axis: Array) -> Shapes:
+    """Return the parametrised joints over `contacts`, for parts that leave along `axis` (N, d)."""
+    if assembly.dimension == 2:
+        return Shapes2D.of(assembly, contacts, options)
+    return Shapes3D.of(assembly, contacts, options, axis)
+
+
+def margin_cases(assembly: Assembly, required: Sequence[LoadCase], tilt_rad: float) -> tuple[LoadCase, ...]:
+    """Return every required gravity case again with the ground tilted a little further, towards each side.
+
+    A design on the very edge of equilibrium would fall in physics and on the table. Interlocking has no margin.
+    """
+    if tilt_rad <= 0.0:
+        return ()
+    cases = []
+    lateral = any(isinstance(g, Lateral) for g in assembly.goals)
+    for case in required:
+        if case.gravity is None or (lateral and case.name == "gravity"):
+            continue
+        for azimuth in tilt_azimuths(assembly.dimension, 4):
+            gravity = tilted_gravity(case.gravity, tilt_rad, float(azimuth))
+            cases.append(LoadCase(f"{case.name}+{np.rad2deg(azimuth):.0f}", gravity, case.present, case.held))
+    return tuple(cases)
+
+
+def _start_axes(
+    assembly: Assembly, contacts: Sequence[Contact], motions: dict[int, PartMotion], insertion: Mapping[str, Array]
+) -> Array:
+    """Return (N, d) the direction in which each part leaves: the user's, or a free one with room for joints."""
+    up = np.zeros(assembly.dimension)
+    up[-1] = 1.0
+    axis = np.tile(up, (len(assembly.parts), 1))
+    # Sweeps are only needed where nobody has given a direction.
+    given = all(p.fixed or p.name in insertion for p in assembly.parts)
+    free = {} if given else ways_out(assembly, contacts, room_rad=float(np.deg2rad(5.0)))
+    for part, motion in motions.items():
+        axis[part] = free.get(part, motion.axis)
+    for name, direction in insertion.items():
+        axis[assembly.index(name)] = -np.asarray(direction) / np.linalg.norm(direction)
+    return axis
+
+
+def _planar_start(shapes: Shapes, axis: Array) -> Parameters:
+    count = len(shapes.contacts)
+    lean = np.zeros((len(shapes.pair_normal), shapes.n_lean))
+    return Parameters(np.tile(shapes.rest, (count, 1)), lean, axis, np.zeros(count, dtype=np.bool_))
+
+
+def _built(
+    assembly: Assembly,
+    problem: Problem,
+    given: BoolArray,
+    required: Sequence[LoadCase],
+    before: Array,
+    polished: Polished,
+) -> tuple[Assembly, tuple[Joint, ...], tuple[Insertion, ...], tuple[CaseResult, ...]]:
+    parameters = polished.parameters
+    u = problem.shapes.directions(parameters.lean)
+    joints = tuple(
+        problem.shapes.joint(e, parameters.shape[e], u[e]) if curved else planar(contact)
+        for e, (contact, curved) in enumerate(zip(problem.shapes.contacts, parameters.curved))
+    )
+    built = build_parts(assembly, joints)
+    motions = part_motions(assembly, joints)
+    insertion = tuple(
+        Insertion(assembly.parts[p].name, read_only(-way), _free_cone(built, p, m, way))
+        for p, m in motions.items()
+        for way in [parameters.axis[p] if given[p] else _confirmed_way(built, p, m, parameters.axis[p])]
+    )
+    cases = tuple(
+        CaseResult(case.name, float(b), float(a)) for case, b, a in zip(required, before, polished.infeasibility)
+    )
+    return built, joints, insertion, cases
+
+
+def _room(motion: PartMotion, way: Array) -> float:
+    """Return the half-angle of the widest cone about `way` that the part's earlier contacts leave, radians."""
+    if not len(motion.normals):
+        return float(np.pi / 2)
+    return float(np.arcsin(np.clip((motion.normals @ way).min(), -1.0, 1.0)))
+
+
+def _free_cone(built: Assembly, part: int, motion: PartMotion, way: Array) -> float:
+    """Return the half-angle of the cone about `way` that is promised, radians; negative when contacts block it.
+
+    Flat parts get all that is free. For solids sweeps are dear: the cone that was asked for, when contacts leave it.
+    """
+    room = _room(motion, way)
+    asked = built.alpha_rad
+    if room <= 0.0:
+        return room
+    if built.dimension == 3 and asked is not None:
+        return min(room, asked)
+    return free_half_angle(built, part, way, room)
+
+
+def _confirmed_way(built: Assembly, part: int, motion: PartMotion, designed: Array) -> Array:
+    """Return the way out that a part is inserted along: the widest cone's axis if a sweep confirms it, else the
+    designed one. In 3D the designed one, which was found by sweeps and has kept its cone since."""
+    if built.dimension == 3:
+        return designed
+    alpha = built.alpha_rad or 0.0
+    if not len(motion.normals) or motion.alpha_rad < alpha:
+        return designed
+    clear = not sweep_blockers(built, part, insertion_rim(motion.axis, alpha))
+    return motion.axis if clear or _room(motion, designed) < alpha - 1e-9 else designed
+
+
+def _narrow_parts(
+    assembly: Assembly, motions: dict[int, PartMotion], axis: Array, given: BoolArray
+) -> tuple[NarrowPart, ...]:
+    """Return parts whose planar contacts leave less than α, about the user's direction where there is one."""
+    if assembly.alpha_rad is None:
+        return ()
+    narrow = []
+    for p, motion in motions.items():
+        room = _room(motion, axis[p]) if given[p] else motion.alpha_rad
+        if room < assembly.alpha_rad - 1e-9:
+            blockers = tuple(assembly.parts[b].name for b in motion.blockers)
+            narrow.append(NarrowPart(assembly.parts[p].name, room, assembly.alpha_rad, blockers))
+    return tuple(narrow)
+
+
+def _notes(assembly: Assembly, shapes: Shapes, report: ContactReport) -> tuple[str, ...]:
+    notes = []
+    kept: BoolArray = ~shapes.can_curve
+    for e in np.flatnonzero(kept):
+        i, j = shapes.contacts[e].parts
+        names = f"'{assembly.parts[i].name}' and '{assembly.parts[j].name}'"
+        notes.append(f"The contact between {names} stays planar: too small, or across its pair's direction.")
+    for miss in report.near_misses:
+        notes.append(f"'{miss.parts[0]}' and '{miss.parts[1]}' nearly touch: {miss.gap_m * 1e3:.3g} mm apart.")
+    return tuple(notes)
+
+
+__all__ = ["Contact", "Designed", "NarrowPart", "Progress", "design", "margin_cases"]

@@ -1,0 +1,124 @@
+"""Geometric realization of all joints together, from a start that `planners.cone_joints.catalogue` chose (Eq. 15, 18).
+
+`polish` improves the true geometry, with moving centroids, until every case holds, while the assemblability cone,
+slopes and clearances are kept as constraints; `planners.cone_joints.descent` has the steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mocca_robot.assembly import Array, BoolArray
+from planners.cone_joints.descent import (
+    MARGIN_SOLVED,
+    VIOLATED,
+    Descent,
+    Parameters,
+    Problem,
+    descend,
+    evaluate,
+    evaluate_built,
+    violation_of,
+)
+from planners.cone_joints.energy import EnergyResult
+
+
+@dataclass(frozen=True, eq=False)
+class Polished:
+    """Where polishing ended: parameters, E per case on the true geometry, largest constraint violation."""
+
+    parameters: Parameters
+    infeasibility: Array
+    violation: float
+    evaluations: int
+
+
+SOLVED = 1e-13
+"""E/|w|² of a required case that counts as zero: |s|/|w| below half of the verdict's tolerance."""
+
+
+NEARLY_SOLVED = 1e-5
+"""E/|w|² below which the facets that designing left out are asked before a case counts as failed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Polishing:
+    """Where polishing stands, between two steps: enough to go on exactly there.
+
+    Attributes:
+        parameters: at the beginning of the round of descent.
+        working: (K,) the cases taken in so far.
+        count: evaluations before this round.
+        descent: the round under way; None between two rounds.
+    """
+
+    parameters: Parameters
+    working: BoolArray
+    count: int = 0
+    descent: Descent | None = None
+
+    @property
+    def reached(self) -> Parameters:
+        """Return the parameters where it stands."""
+        return self.parameters if self.descent is None else self.descent.parameters
+
+    @property
+    def steps(self) -> int:
+        """Return the evaluations so far."""
+        return self.count + (0 if self.descent is None else len(self.descent.values))
+
+
+Watch = Callable[[Polishing, float], None]
+"""Shown where polishing stands before every step, and the largest E/|w|² there."""
+
+
+def polish(
+    problem: Problem,
+    start: Parameters | Polishing,
+    *,
+    evaluations: int = 60,
+    watch: Watch | None = None,
+) -> Polished:
+    """Return parameters near `start` for which every case holds and every constraint is kept, if found.
+
+    Works on the cases that fail only, and takes in others as they begin to. Stops as soon as the true geometry
+    satisfies all required cases and, to `MARGIN_SOLVED`, the margin cases. A `Polishing` as start goes on there.
+    """
+    if isinstance(start, Parameters):
+        start = Polishing(start, np.zeros(len(problem.loads.gravity), dtype=np.bool_))
+    count, parameters, descent = start.count, start.parameters, start.descent
+    working = start.working.copy()
+    while True:
+        if descent is None:
+            with_reserve = evaluate(problem, parameters, problem.shapes.options.inset)
+            failing = with_reserve.infeasibility > MARGIN_SOLVED
+            violation = violation_of(problem, parameters)
+            true = evaluate(problem, parameters)
+            solved = not failing.any() and true.infeasibility[: problem.required].max(initial=0.0) <= SOLVED
+            if (solved and violation <= VIOLATED) or count >= evaluations or (count and not (failing & ~working).any()):
+                left = true.infeasibility[: problem.required].max(initial=0.0)
+                if SOLVED < left < NEARLY_SOLVED:
+                    true = evaluate_built(problem, parameters)
+                return Polished(parameters, true.infeasibility, violation, count)
+            # A few of the worst newcomers at a time: neighbouring states fail for the same reason.
+            newcomers = np.argsort(-np.where(working, -1.0, with_reserve.infeasibility))[:4]
+            working[newcomers[failing[newcomers]]] = True
+            if not working.any():
+                working[0] = True
+            descent = Descent(parameters)
+        part = replace(problem, loads=problem.loads.only(np.flatnonzero(working)))
+        before = Polishing(parameters, working.copy(), count)
+        parameters, used = descend(part, descent, evaluations - count, _watching(before, watch))
+        count, descent = count + used, None
+
+
+def _watching(round_: Polishing, watch: Watch | None) -> Callable[[Descent, EnergyResult], None] | None:
+    if watch is None:
+        return None
+    return lambda descent, result: watch(replace(round_, descent=descent), float(result.infeasibility.max()))
+
+
+__all__ = ["Parameters", "Polished", "Polishing", "Problem", "evaluate", "polish", "violation_of"]

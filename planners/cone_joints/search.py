@@ -1,0 +1,223 @@
+"""The search for joints: starting points from the most promising to the most stubborn, each polished in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import partial
+
+import numpy as np
+
+from planners.cone_joints.catalogue import fit, select
+from planners.cone_joints.descent import VIOLATED, Parameters, Problem, evaluate
+from planners.cone_joints.kinematic import required_wrenches
+from planners.cone_joints.realization import SOLVED, Polished, Polishing, polish
+from planners.cone_joints.shapes import Shapes
+from planners.cone_joints.thinning import thin
+
+MANY_JOINTS = 60
+"""Joints above which descent starts from all joints curved and makes planar afterwards what it can: with so many
+neighbours a choice of few joints made beforehand ends in a local rest."""
+FEW_CASES = 5
+"""Load cases up to which making joints planar afterwards takes seconds."""
+FIRST_ATTEMPTS = ("similar joints", "few joints", "selected joints")
+"""Starting points after which another one is tried when the tilt margin is missed."""
+
+Progress = Callable[[str, float], None]
+"""Called with what is being done and the largest E/|w|² that is left."""
+
+
+class Stage(StrEnum):
+    """What a search is at."""
+
+    POLISHING = "polishing"
+    THINNING = "thinning"
+    FINISHED = "finished"
+
+
+@dataclass(frozen=True, eq=False)
+class SearchState:
+    """Where a search stands: enough to go on from there, with the same outcome as if it had never stopped.
+
+    Attributes:
+        stage: attempts being polished, curved joints being made planar again, or all done.
+        attempt: number of the attempt under way, from 0.
+        polishing: where its polishing stands; None before its first step.
+        best_attempt, best: the attempt that came nearest of those finished, and where it ended.
+    """
+
+    stage: Stage = Stage.POLISHING
+    attempt: int = 0
+    polishing: Polishing | None = None
+    best_attempt: int = 0
+    best: Polished | None = None
+
+
+Keep = Callable[[SearchState], None]
+"""Shown every state that is worth keeping; the last one is where an interrupted search goes on."""
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """The joints that a search found: all it asked for, or the nearest to it.
+
+    Attributes:
+        shapes, polished: the joints' families, and where polishing ended.
+        interrupted: what was being done when Ctrl-C ended it; None when it ended by itself.
+    """
+
+    shapes: Shapes
+    polished: Polished
+    interrupted: str | None = None
+
+
+def search(
+    problem: Problem,
+    start: Parameters,
+    progress: Progress | None = None,
+    *,
+    resume: SearchState | None = None,
+    keep: Keep | None = None,
+    near: Searched | None = None,
+) -> Searched:
+    """Return the first attempt that solves everything, or the one that came nearest.
+
+    Ctrl-C ends it early with the nearest joints so far. `resume` is a state that `keep` was shown by an earlier
+    search of the same problem. `near` holds joints that solve a similar problem, over the same contacts: they are
+    tried first, and of large assemblies nothing else.
+    """
+    trail = _Trail(resume or SearchState(), progress, keep)
+    families: list[Shapes] = []
+    try:
+        best = _polished(problem, start, near, trail, families)
+        few = len(problem.loads.gravity) <= FEW_CASES and len(problem.pairs) > MANY_JOINTS
+        if trail.state.stage is not Stage.FINISHED and few and _rank(problem, best)[0] <= 1.0:
+            trail.doing = "fewer joints"
+            part = replace(problem, shapes=families[trail.state.best_attempt])
+            best = thin(part, best, trail.thinner)
+        trail.reach(replace(trail.state, stage=Stage.FINISHED, best=best))
+    except KeyboardInterrupt:
+        return replace(_nearest(problem, start, families, trail.state), interrupted=trail.doing)
+    return Searched(families[trail.state.best_attempt], best)
+
+
+class _Trail:
+    """The latest state of a search, and who is shown it."""
+
+    def __init__(self, state: SearchState, progress: Progress | None, keep: Keep | None) -> None:
+        self.state = state
+        self.doing = "starting points"
+        self._progress, self._keep = progress, keep
+
+    def reach(self, state: SearchState) -> None:
+        self.state = state
+        if self._keep is not None:
+            self._keep(state)
+
+    def step(self, attempt: int, polishing: Polishing, worst: float) -> None:
+        if self._progress is not None:
+            self._progress(f"{self.doing}, step {polishing.steps + 1}", worst)
+        self.reach(replace(self.state, attempt=attempt, polishing=polishing))
+
+    def thinner(self, polished: Polished) -> None:
+        if self._progress is not None:
+            curved = int(polished.parameters.curved.sum())
+            self._progress(f"{self.doing}: {curved} are curved", float(polished.infeasibility.max()))
+        self.reach(replace(self.state, stage=Stage.THINNING, best=polished))
+
+
+def _polished(
+    problem: Problem, start: Parameters, near: Searched | None, trail: _Trail, families: list[Shapes]
+) -> Polished:
+    """Return the best attempt, polished; `families` receives the shapes of every attempt that was begun."""
+    for number, (label, shapes, first) in enumerate(_attempts(problem, start, near)):
+        families.append(shapes)
+        state = trail.state
+        if state.stage is not Stage.POLISHING and state.best is not None:  # an earlier run has got further
+            if number == state.best_attempt:
+                break
+            continue
+        if number < state.attempt:
+            continue
+        trail.doing = label
+        begun = state.polishing or first
+        polished = polish(replace(problem, shapes=shapes), begun, watch=partial(trail.step, number))
+        rank = _rank(problem, polished)
+        if state.best is None or rank < _rank(problem, state.best):
+            state = replace(state, best_attempt=number, best=polished)
+        # The tilt margin is a wish: it is worth a second attempt, not all of them.
+        enough = rank[0] <= 1.0 and (
+            rank[1] <= 1e-9 or label not in ("similar joints", "few joints", "selected joints")
+        )
+        stage = Stage.THINNING if enough else Stage.POLISHING
+        trail.reach(replace(state, stage=stage, attempt=number + 1, polishing=None))
+        if enough:
+            break
+    assert trail.state.best is not None
+    return trail.state.best
+
+
+def _nearest(problem: Problem, start: Parameters, families: list[Shapes], state: SearchState) -> Searched:
+    """Return the joints that an interrupted search came nearest with: a finished attempt's, or the current one's."""
+    found: list[tuple[int, Polished]] = []
+    # Families are missing when a search that went on from an earlier one ends before it has found its place again.
+    if state.best is not None and state.best_attempt < len(families):
+        found.append((state.best_attempt, state.best))
+    if state.polishing is not None and state.attempt < len(families):
+        attempt = replace(problem, shapes=families[state.attempt])
+        found.append((state.attempt, polish(attempt, state.polishing.reached, evaluations=0)))
+    if not found:
+        return Searched(problem.shapes, polish(problem, start, evaluations=0))
+    number, polished = min(found, key=lambda f: _rank(problem, f[1]))
+    return Searched(families[number], polished)
+
+
+def _rank(problem: Problem, polished: Polished) -> tuple[float, float]:
+    """Return how far from solved: required cases and constraints first (1 = solved), then the tilt margins."""
+    required = float(polished.infeasibility[: problem.required].max())
+    hard = max(required / SOLVED, polished.violation / VIOLATED, 1.0)
+    return hard, float(polished.infeasibility.max())
+
+
+def _attempts(problem: Problem, start: Parameters, near: Searched | None) -> Iterator[tuple[str, Shapes, Parameters]]:
+    """Yield starting points from the most promising to the most stubborn.
+
+    First the joints that kinematic design asks for; then shapes chosen for all joints together; then uniform bumps
+    of either sign (at height h > 0 normals lean outwards, at h < 0 inwards, a choice the convex relaxation does not
+    see); then every joint from where kinematic design left it. Large assemblies start from uniform bumps.
+    """
+    shapes, loads = problem.shapes, problem.loads
+    every = shapes.can_curve
+    uniform = [
+        (f"uniform {kind}", shapes.with_kinds([kind] * len(every)), Parameters(bump, start.lean, start.axis, every))
+        for kind, bump in shapes.uniform_bumps()
+    ]
+    if near is not None:
+        yield "similar joints", near.shapes, near.polished.parameters
+    if len(shapes.contacts) > MANY_JOINTS:
+        if near is None:
+            yield from uniform
+        return
+    points, normals, prices = shapes.candidate_rays()
+    allowed = np.isfinite(prices)
+    if problem.alpha_rad is not None:
+        axis = start.axis[problem.pairs[:, 1]]
+        allowed &= np.einsum("erd,ed->er", normals, axis) >= np.sin(problem.alpha_rad) - 1e-9
+    allowed |= prices == 0.0
+    price = np.where(allowed, prices, 0.0)
+    required = required_wrenches(shapes.contacts, points, normals, price, allowed, loads, _telling_cases(problem))
+    fitted, first = fit(problem, required, start)
+    yield "few joints", fitted, first
+    hardest = np.sort(np.argsort(-evaluate(problem, start).infeasibility)[:8])
+    yield "selected joints", *select(problem, start, hardest)
+    yield from uniform
+    resting = np.where(first.curved[:, None], first.shape, shapes.rest)
+    yield "all joints", fitted, Parameters(resting, first.lean, first.axis, every)
+
+
+def _telling_cases(problem: Problem) -> list[int]:
+    """Return the cases whose wrenches shape the joints: margins replace the cases they surround."""
+    total = len(problem.loads.gravity)
+    margins = list(range(problem.required, total))
+    return (margins or list(range(problem.required)))[:24]

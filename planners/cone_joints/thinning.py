@@ -1,0 +1,120 @@
+"""Fewer curved joints: of a design that holds, those bumps are kept that it cannot do without.
+
+First Eq. 8 with a price on force through bumps, while every joint may also push as if it were planar; dividing each
+price by the force that the joint carried concentrates the slopes on few joints (reweighted ℓ1). Joints without
+sloped force become planar again. The price is per joint, so that a bump in use costs no more for being used more.
+Then trial: groups of the least used bumps are left out, halved where the rest no longer holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from mocca_robot.assembly import Array, BoolArray
+from mocca_robot.statics.system import ContactSystem
+from planners.cone_joints.descent import (
+    MARGIN_SOLVED,
+    VIOLATED,
+    Parameters,
+    Problem,
+    evaluate,
+    moved_wrenches,
+    narrowed,
+    surface_of,
+)
+from planners.cone_joints.energy import each_case
+from planners.cone_joints.realization import SOLVED, Polished, polish
+
+PASSES = 10
+PRICE = 1e-7
+"""Of a unit of force through a bump, before weighting: small against the residual that it might buy."""
+IN_USE = 1e-3
+"""Sloped force, as a share of the largest one, from which a bump counts as used."""
+UNEVEN = 0.3
+"""Spread of the first prices (standard deviation of their logarithm)."""
+FIRST_GROUPS = 8
+TRIALS = 120
+PATIENCE = 8
+"""Bumps that cannot be spared, one after another, after which the rest, which carry more, are not tried."""
+FULL_EFFORT = 330
+"""Joints up to which all passes and trials are made. Beyond, their number falls with the square of the joints: each one
+costs more, and thinning must not take longer than finding a design that holds."""
+FEWEST_PASSES = 2
+
+
+def thin(problem: Problem, found: Polished, watch: Callable[[Polished], None] | None = None) -> Polished:
+    """Return a design with as few curved joints as trial finds that holds as well as `found`, or that one.
+
+    `watch` is shown every design on the way; each of them holds.
+    """
+    limit = max(float(found.infeasibility.max()), 0.1 * MARGIN_SOLVED)
+    best = found
+
+    def holds(parameters: Parameters, evaluations: int) -> bool:
+        """Keep `parameters`, polished, as the best if they hold."""
+        nonlocal best
+        fewer = polish(problem, parameters, evaluations=evaluations)
+        best = replace(best, evaluations=best.evaluations + fewer.evaluations)
+        required = fewer.infeasibility[: problem.required].max(initial=0.0)
+        if required > SOLVED or fewer.violation > VIOLATED or fewer.infeasibility.max() > limit:
+            return False
+        best = replace(fewer, evaluations=best.evaluations)
+        if watch is not None:
+            watch(best)
+        return True
+
+    concentrated, through = _concentrated(problem, found.parameters)
+    holds(concentrated, 12)
+    order = np.flatnonzero(best.parameters.curved)
+    order = order[np.argsort(through[order], kind="stable")]
+    place, size, trials, needed = 0, max(1, len(order) // FIRST_GROUPS), 0, 0
+    while place < len(order) and trials < round(TRIALS * _effort(problem)) and needed < PATIENCE:
+        trials += 1
+        curved = best.parameters.curved.copy()
+        curved[order[place : place + size]] = False
+        fewer = replace(best.parameters, curved=curved)
+        left = float(evaluate(problem, fewer, problem.shapes.options.inset).infeasibility.max())
+        if left <= MARGIN_SOLVED and holds(fewer, 0):
+            place, needed = place + size, 0
+        elif size > 1:
+            size //= 2
+        else:
+            place, needed = place + 1, needed + 1
+    return best
+
+
+def _effort(problem: Problem) -> float:
+    return min(1.0, (FULL_EFFORT / len(problem.pairs)) ** 2)
+
+
+def _concentrated(problem: Problem, parameters: Parameters) -> tuple[Parameters, Array]:
+    """Return `parameters` with every bump made planar that no force needs, and the sloped force (E,) of each joint."""
+    shapes, pairs, loads = problem.shapes, problem.pairs, problem.loads
+    surface = surface_of(problem, parameters)
+    points, normals = shapes.rays(narrowed(shapes, surface, shapes.options.inset))
+    planar = replace(parameters, curved=np.zeros_like(parameters.curved))
+    flat_points, flat_normals = shapes.rays(narrowed(shapes, surface_of(problem, planar), shapes.options.inset))
+    rays = points.shape[1]
+    both = np.concatenate([points, flat_points], axis=1).reshape(-1, points.shape[2])
+    directions = np.concatenate([normals, flat_normals], axis=1).reshape(-1, points.shape[2])
+    free = np.asarray(loads.free.any(axis=0))
+    owner = np.repeat(np.arange(len(pairs)), 2 * rays)
+    system = ContactSystem.build(pairs[owner], both, directions, free, loads.about, loads.length)
+    wrenches = moved_wrenches(problem, surface)[:, free].reshape(len(loads.gravity), -1) / loads.scale[:, None]
+    flat = np.einsum("erd,ed->er", normals, shapes.normals) > 1.0 - 1e-9
+    sloped = np.concatenate([~flat, np.zeros_like(flat)], axis=1).ravel()
+    # Equal prices would leave equal joints of a symmetric structure equally used, all of them.
+    weight: Array = np.exp(UNEVEN * np.random.default_rng(0).standard_normal(len(pairs)))
+    used: BoolArray = parameters.curved
+    through: Array = np.zeros(len(pairs))
+    for _ in range(max(FEWEST_PASSES, round(PASSES * _effort(problem)))):
+        forces = each_case(system, wrenches, loads.active[:, owner], loads.free, PRICE * sloped * weight[owner])[1]
+        through = np.asarray(np.bincount(owner, forces.max(axis=0) * sloped, len(pairs)), dtype=np.float64)
+        most = float(through.max(initial=0.0))
+        used = parameters.curved & (through > IN_USE * most)
+        weight = 1.0 / (through / max(most, 1e-300) + 1e-2)
+        weight /= weight.min()
+    return replace(parameters, curved=used), through

@@ -1,0 +1,1 @@
+"""How an arm builds the structure: tray, grasps, insertions, transits, and a second look at the plan."""

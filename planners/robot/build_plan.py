@@ -1,0 +1,340 @@
+"""A plan for the whole build: for every part pick, transit, insertion along its cone's axis, release and retreat.
+
+First the structure's side: where it stands, and for every part a way into its place between what stands already. Then
+the tray, every part turned so that the tool can take it as it is needed in its place. Then whole steps. A part that
+cannot be placed comes back with the reasons of all attempts, and the others are planned as if it had been placed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mocca_robot.assembly import Array
+from mocca_robot.design import Design, Insertion
+from mocca_robot.errors import InputError
+from mocca_robot.files.design_json import StoredDesign
+from mocca_robot.ur.plan import Move, MoveKind, Plan, Step
+from planners.robot.bench import Bench
+from planners.robot.cell import RobotCell
+from planners.robot.falling_states import Fall, falls
+from planners.robot.grasp import GraspPose, GraspSearch, count, find_grasps, summary
+from planners.robot.pick import picks, reachable, tool_down
+from planners.robot.scene import Scene
+from planners.robot.seat import Seat, seats
+from planners.robot.site import Site, site
+from planners.robot.standing_place import carried_over, standings
+from planners.robot.timed_step import FORCE_N, end, timed_step
+from planners.robot.trajectory import joint_motion
+from planners.robot.transit import connect
+from planners.robot.tray import Tray, tray_layout, with_layout
+
+ATTEMPTS = 60
+"""Per part: grasps times branches that the arm can reach and that fit between the neighbours."""
+TRANSIT_FAILURES = 6
+PLACES = 3
+"""Standing places that are looked at in full when some part finds no way into its place."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class PartReport:
+    """How planning one part went.
+
+    Attributes:
+        placed: whether a way was found.
+        seconds: wall time.
+        attempts: grasps times arm branches tried.
+        reasons: why attempts failed, with their counts.
+        grasp_width_m: of the grasp used.
+        cone_rad, usable_rad: the part's cone, and how far from its axis the arm could insert instead: its tolerance.
+        out_of_reach: no grasp brings it to its place with any branch of the arm, whatever stands around.
+    """
+
+    part: str
+    placed: bool
+    seconds: float
+    attempts: int
+    reasons: str
+    grasp_width_m: float = 0.0
+    cone_rad: float = 0.0
+    usable_rad: float = 0.0
+    out_of_reach: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class BuildPlan:
+    """A plan, or why there is none.
+
+    Attributes:
+        plan: None when a state falls or a part cannot be placed; with `partial` the steps before that part.
+        reports: one per part that was planned.
+        falls: states that fall without declared supports.
+        cell: with the place, turn and tray that were chosen.
+        site, tray: where everything stands.
+    """
+
+    plan: Plan | None
+    reports: tuple[PartReport, ...]
+    falls: tuple[Fall, ...]
+    cell: RobotCell
+    site: Site
+    tray: Tray
+
+    @property
+    def out_of_reach(self) -> tuple[str, ...]:
+        """Return the parts that no grasp brings to their place with any arm branch, whatever stands around."""
+        return tuple(r.part for r in self.reports if r.out_of_reach)
+
+
+def build_plan(
+    design: Design | StoredDesign,
+    cell: RobotCell,
+    design_sha256: str,
+    *,
+    friction: float = 0.0,
+    supports: Sequence[str] = (),
+    seed: int = 0,
+    partial: bool = False,
+    design_path: str | None = None,
+    progress: Progress = lambda text: None,
+) -> BuildPlan:
+    """Return a plan that builds `design` in `cell`, with what was found for every part.
+
+    `supports` are parts that stand by other means once placed, besides those that the cell declares; InputError for
+    names that are no parts, and when the tray is too small. When a part cannot be placed there is no plan, or, with
+    `partial`, one that ends before it. `progress` is told what is being done.
+    """
+    names = [p.name for p in design.assembly.parts if not p.fixed]
+    if not names:
+        raise InputError(f"'{design.assembly.name}' has no free parts: there is nothing to build.")
+    declared = tuple(names) if cell.supports == ("all",) else cell.supports
+    supports = tuple(dict.fromkeys([*declared, *supports]))
+    for name in supports:
+        design.assembly.index(name)
+    where = site(design.assembly, cell)
+    fallen = falls(design.assembly, friction, supports)
+    if fallen:
+        return BuildPlan(None, (), fallen, cell, where, tray_layout(where, cell))
+    insertions = {i.part: i for i in design.insertion}
+    search = _Search(insertions, seed)
+    bench, turns = _structure_side(where, cell, search, progress)
+    tray = tray_layout(bench.site, cell, turns)
+    cell = with_layout(bench.cell, bench.site, tray)
+    bench.cell = cell
+    bench.clear(tray)
+    steps = _steps(bench, search, progress)
+    reports = tuple(search.reports[n] for n in names)
+    if len(steps) < len(names):
+        before = names[: _first_missing(reports)] if partial else []
+        steps = [s for s in steps if s.part in before]
+        if not steps:
+            return BuildPlan(None, reports, (), cell, bench.site, tray)
+    for name in names[len(steps) :]:
+        bench.scene.place(name, bench.waiting(name))
+    steps[-1] = _homeward(bench, steps[-1], seed)
+    plan = Plan(
+        design_sha256,
+        cell.model.name,
+        cell.gripper.name,
+        cell.execution,
+        tuple(steps),
+        design=design_path,
+        supports=supports,
+    )
+    return BuildPlan(plan, reports, (), cell, bench.site, tray)
+
+
+def _first_missing(reports: Sequence[PartReport]) -> int:
+    return next((k for k, r in enumerate(reports) if not r.placed), len(reports))
+
+
+@dataclass
+class _Search:
+    """What is known so far, by part name."""
+
+    insertions: dict[str, Insertion]
+    seed: int
+    found: dict[str, GraspSearch] = field(default_factory=dict)
+    grasps: dict[str, list[GraspPose]] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    reports: dict[str, PartReport] = field(default_factory=dict)
+
+    def spent(self, part: str, since: float) -> None:
+        self.seconds[part] = self.seconds.get(part, 0.0) + time.perf_counter() - since
+
+
+def _structure_side(
+    where: Site, cell: RobotCell, search: _Search, progress: Progress
+) -> tuple[Bench, dict[str, Array]]:
+    """Return the bench with the structure in the place where most parts find a way in, and how each part that does
+    should lie in the tray.
+    """
+    for index, body in enumerate(where.bodies):
+        if body.fixed:
+            continue
+        started = time.perf_counter()
+        rng = np.random.default_rng([search.seed, index])
+        search.found[body.name] = find_grasps(where, index, cell, rng=rng)
+        search.spent(body.name, started)
+        progress(f"grasps of {body.name}")
+    order = [b.name for b in where.bodies if not b.fixed]
+    ranked = standings(where, cell, [search.found[n].grasps for n in order])
+    best: tuple[int, Bench, dict[str, Array], dict[str, list[GraspPose]]] | None = None
+    for standing in ranked[:PLACES]:
+        grasps = {n: carried_over(search.found[n].grasps, where, standing.site) for n in order}
+        bench = Bench(standing.cell, standing.site, Scene(standing.cell, standing.site))
+        bench.clear(None)
+        turns = {}
+        for body in standing.site.bodies:
+            if body.fixed:
+                continue
+            started = time.perf_counter()
+            seat = _first_seat(bench, search, body.name, grasps[body.name])
+            if seat is not None:
+                turns[body.name] = tool_down(seat) if where.assembly.dimension == 3 else np.eye(3)
+            bench.scene.place(body.name, np.eye(4))
+            search.spent(body.name, started)
+            progress(f"a way into its place for {body.name}")
+        if best is None or len(turns) > best[0]:
+            best = len(turns), bench, turns, grasps
+        if len(turns) == len(order):
+            break
+    assert best is not None
+    search.grasps = best[3]
+    return best[1], best[2]
+
+
+def _first_seat(bench: Bench, search: _Search, name: str, grasps: Sequence[GraspPose]) -> Seat | None:
+    insertion = search.insertions.get(name)
+    if insertion is None:
+        return None
+    direction = bench.site.turn @ insertion.direction
+    return next(seats(bench, name, grasps, direction, np.array(bench.cell.home), {}), None)
+
+
+def _steps(bench: Bench, search: _Search, progress: Progress) -> list[Step]:
+    """Return the steps that were found, in order; every part is reported."""
+    steps: list[Step] = []
+    at = np.array(bench.cell.home)
+    for index, body in enumerate(bench.site.bodies):
+        if body.fixed:
+            continue
+        started = time.perf_counter()
+        attempt = _Attempt(bench, index, search, at)
+        step = attempt.step()
+        search.spent(body.name, started)
+        search.reports[body.name] = attempt.report(search.seconds[body.name])
+        if step is not None:
+            steps.append(step)
+            at = end(step.moves[-1].path)
+        bench.scene.place(body.name, np.eye(4))
+        progress(f"{body.name} planned" if step is not None else f"{body.name} cannot be placed")
+    return steps
+
+
+@dataclass
+class _Attempt:
+    """The search for one part's step; the arm starts at `at`."""
+
+    bench: Bench
+    index: int
+    search: _Search
+    at: Array
+    placed: bool = False
+    attempts: int = 0
+    transit_failures: int = 0
+    width_m: float = 0.0
+    usable_rad: float = 0.0
+    reasons: dict[str, int] = field(default_factory=dict)
+
+    def step(self) -> Step | None:
+        """Return the first step found: ways into the place, best first, each with ways to take the part."""
+        bench, name = self.bench, self.bench.site.bodies[self.index].name
+        insertion = self.search.insertions.get(name)
+        if insertion is None:
+            count(self.reasons, "the design has no insertion direction for it")
+            return None
+        for reason, times in self.search.found[name].rejected.items():
+            count(self.reasons, f"no grasp: {reason}", times)
+        grasps = self.search.grasps[name]
+        direction = bench.site.turn @ insertion.direction
+        usable = reachable(bench, name, grasps) if grasps else None
+        for seat in seats(bench, name, grasps, direction, self.at, self.reasons, usable):
+            self.attempts += 1
+            for pick in picks(bench, name, seat, self.reasons):
+                found = self._transits(name, seat, pick.q_above, pick.q_lifted, pick.flange)
+                if found is None:
+                    if self.transit_failures >= TRANSIT_FAILURES:
+                        return None
+                    continue
+                timed = timed_step(bench, self.index, insertion, direction, seat, pick, *found)
+                if timed.step is not None:
+                    self.placed, self.usable_rad, self.width_m = True, timed.usable_rad, seat.grasp.width_m
+                    return timed.step
+                count(self.reasons, f"timing: {timed.reason}")
+            if self.attempts >= ATTEMPTS:
+                return None
+        return None
+
+    def _transits(
+        self, name: str, seat: Seat, q_above: Array, q_lifted: Array, pick: Array
+    ) -> tuple[list[Array], list[Array]] | None:
+        """Return the corners of the ways to the tray and on to the structure."""
+        bench = self.bench
+        limit = np.asarray(bench.cell.model.joint_limit_rad)
+        opened, closed = seat.grasp.width_m + bench.cell.gripper.opening_m, seat.grasp.width_m
+        waiting = bench.waiting(name)
+        seed = 2 * (self.search.seed + 1000 * self.index + self.transit_failures)
+        bench.scene.roles(carried=name)
+        grip: Array = np.linalg.inv(pick) @ waiting
+        to_seat = connect(q_lifted, seat.q_before, lambda q: not bench.free(q, closed, grip), limit, seed)
+        bench.scene.place(name, waiting)
+        bench.scene.roles()
+        if to_seat is None:
+            count(self.reasons, "transit to the structure: no way found")
+            self.transit_failures += 1
+            return None
+        to_tray = connect(self.at, q_above, lambda q: not bench.free(q, opened), limit, seed + 1)
+        if to_tray is None:
+            count(self.reasons, f"transit to the tray: {bench.free(self.at, opened) or 'no way found'}")
+            self.transit_failures += 1
+            return None
+        return to_tray, to_seat
+
+    def report(self, seconds: float) -> PartReport:
+        """Return how it went."""
+        name = self.bench.site.bodies[self.index].name
+        insertion = self.search.insertions.get(name)
+        seen = [r for r in self.reasons if not r.startswith("no grasp")]
+        far = not self.placed and bool(seen) and all(r == "seat: out of the arm's reach" for r in seen)
+        return PartReport(
+            name,
+            self.placed,
+            seconds,
+            self.attempts,
+            summary(self.reasons),
+            self.width_m,
+            max(0.0, insertion.alpha_rad) if insertion else 0.0,
+            self.usable_rad,
+            far,
+        )
+
+
+def _homeward(bench: Bench, step: Step, seed: int) -> Step:
+    """Return the last step with the way home, if there is one."""
+    bench.scene.roles()
+    at = end(step.moves[-1].path)
+    opening = step.moves[-1].gripper_m
+    limit = np.asarray(bench.cell.model.joint_limit_rad)
+    way = connect(at, np.array(bench.cell.home), lambda q: not bench.free(q, opening), limit, seed)
+    if way is None:
+        return step
+    limits = bench.cell.limits
+    force = min(FORCE_N, limits.abort_force_n)
+    move = Move(MoveKind.TRANSIT, joint_motion(bench.cell, way), limits.transfer_speed_m_s, force, opening)
+    return replace(step, moves=(*step.moves, move))

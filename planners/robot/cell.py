@@ -1,0 +1,186 @@
+"""The robot cell as planning needs it: arm, gripper with its shape, table, where to build, where the tray stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mocca_robot.assembly import Array, read_only
+from mocca_robot.errors import InputError
+from mocca_robot.files import fields
+from mocca_robot.files.documents import parse_yaml, read_text
+from mocca_robot.ur.limits import Limits
+from mocca_robot.ur.models import RobotModel, robot_model
+from mocca_robot.ur.plan import Cell, Plan
+from mocca_robot.ur.pose import three
+from planners.robot.tool import Gripper, SuctionGripper, box, needed, read_gripper
+
+
+@dataclass(frozen=True, eq=False)
+class TrayPlace:
+    """Where a part waits: the middle of its footprint `at_m` (2,), and the rotation vector `turn_rad` (3,) that turns
+    it from how it will stand in the structure.
+    """
+
+    at_m: Array
+    turn_rad: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RobotCell:
+    """A cell; all lengths in metres, in the robot's base frame.
+
+    Attributes:
+        table_m, workspace_m: (2, 3) corners of boxes.
+        build_origin_m: (3,), the point below the middle of the structure; above the table, a plinth carries it.
+        build_yaw_rad: turn of the structure about z.
+        places_m, yaws_rad: what planning may choose origin and turn from; no more than those two where they are given.
+        build_size_m: longest side of the structure after scaling; None keeps the design's own size.
+        thickness_m: of flat parts; None keeps the design's.
+        supports: parts that something else holds once they are placed; `("all",)` for every part.
+        tray_m: (2, 2) corners of the tray in the horizontal; parts stand `nest_m` above the table, `gap_m` apart.
+        tray_places: where parts wait, by name; empty when the layout is generated.
+        home: joint angles (6,) where a build begins and ends.
+        document: the file's content, from which a plan lets the cell be read again.
+    """
+
+    name: str
+    serial: str | None
+    model: RobotModel
+    gripper: Gripper
+    table_m: Array
+    workspace_m: Array
+    build_origin_m: Array
+    build_yaw_rad: float
+    places_m: tuple[Array, ...]
+    yaws_rad: tuple[float, ...]
+    build_size_m: float | None
+    thickness_m: float | None
+    supports: tuple[str, ...]
+    tray_m: Array
+    nest_m: float
+    gap_m: float
+    tray_places: Mapping[str, TrayPlace]
+    home: Array
+    limits: Limits
+    document: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def execution(self) -> Cell:
+        """Return what a plan records about the cell: what execution obeys, and the whole description beside it."""
+        build = {
+            **self.document.get("build", {}),
+            "origin_m": self.build_origin_m.tolist(),
+            "yaw_deg": float(np.rad2deg(self.build_yaw_rad)),
+            "size_m": self.build_size_m,
+            "thickness_m": self.thickness_m,
+        }
+        places = {
+            name: {"at_m": place.at_m.tolist(), "turn_deg": np.rad2deg(place.turn_rad).tolist()}
+            for name, place in self.tray_places.items()
+        }
+        tray = {**self.document.get("tray", {}), **({"parts": places} if places else {})}
+        return Cell(
+            name=self.name,
+            tcp_offset=self.gripper.tcp_offset,
+            workspace_m=(three(self.workspace_m[0]), three(self.workspace_m[1])),
+            tool_mass_kg=self.gripper.mass_kg,
+            tool_cog_m=self.gripper.cog_m,
+            gripper_stroke_m=self.gripper.stroke_m,
+            vacuum=self.gripper.wiring if isinstance(self.gripper, SuctionGripper) else None,
+            serial=self.serial,
+            limits=self.limits,
+            extra={
+                "table_m": self.table_m.tolist(),
+                "tray_m": self.tray_m.tolist(),
+                "description": {**self.document, "build": build, "tray": tray},
+            },
+        )
+
+
+_KEYS = ("name", "serial", "robot", "gripper", "table_m", "workspace_m", "build", "tray", "home_deg", "limits")
+_BUILD_KEYS = ("origin_m", "yaw_deg", "size_m", "thickness_m", "supports")
+AUTO_YAWS = 12
+"""Turns of the structure that `yaw_deg: auto` chooses from."""
+
+
+def read_cell(path: Path | str) -> RobotCell:
+    """Return the cell that a YAML file describes; InputError names the key, its value and what it has to be."""
+    path = Path(path)
+    return cell_from_document(parse_yaml(read_text(path), str(path)), str(path))
+
+
+def cell_of(plan: Plan) -> RobotCell:
+    """Return the cell that `plan` was made for, from the plan alone; InputError for a plan that does not record it."""
+    raw = plan.cell.extra.get("description")
+    if not isinstance(raw, dict):
+        raise InputError(f"The plan does not describe its cell '{plan.cell.name}'. Plan again with this version.")
+    return cell_from_document(raw, "plan: cell.description")
+
+
+def cell_from_document(content: object, where: str) -> RobotCell:
+    """Return the cell that a parsed file describes; `where` names it in errors."""
+    raw = fields.mapping(content, where, _KEYS)
+    build = fields.mapping(needed(raw, "build", where), f"{where}: build", _BUILD_KEYS)
+    tray = fields.mapping(needed(raw, "tray", where), f"{where}: tray", ("low_m", "high_m", "nest_m", "gap_m", "parts"))
+    model = robot_model(str(needed(raw, "robot", where)))
+    places = _places(needed(build, "origin_m", where), f"{where}: build.origin_m")
+    yaws = _yaws(build.get("yaw_deg", 0.0), f"{where}: build.yaw_deg")
+    return RobotCell(
+        name=fields.part_name(needed(raw, "name", where), f"{where}: name"),
+        serial=fields.part_name(raw["serial"], f"{where}: serial") if raw.get("serial") is not None else None,
+        model=model,
+        gripper=read_gripper(needed(raw, "gripper", where), f"{where}: gripper"),
+        table_m=box(needed(raw, "table_m", where), f"{where}: table_m", 3),
+        workspace_m=box(needed(raw, "workspace_m", where), f"{where}: workspace_m", 3),
+        build_origin_m=places[0],
+        build_yaw_rad=yaws[0],
+        places_m=places,
+        yaws_rad=yaws,
+        build_size_m=_optional(build, "size_m", f"{where}: build"),
+        thickness_m=_optional(build, "thickness_m", f"{where}: build"),
+        supports=fields.names(build["supports"], f"{where}: build.supports") if build.get("supports") else (),
+        tray_m=box([needed(tray, "low_m", where), needed(tray, "high_m", where)], f"{where}: tray", 2),
+        nest_m=fields.number(tray.get("nest_m", 0.015), f"{where}: tray.nest_m", 0.0, 0.2),
+        gap_m=fields.number(tray.get("gap_m", 0.045), f"{where}: tray.gap_m", 0.0, 1.0),
+        tray_places=_tray_places(tray.get("parts") or {}, f"{where}: tray.parts"),
+        home=read_only(np.deg2rad(fields.vector(needed(raw, "home_deg", where), f"{where}: home_deg", (6,)))),
+        limits=Limits().lowered(fields.mapping(raw.get("limits", {}), f"{where}: limits")),
+        document=raw,
+    )
+
+
+def _places(value: object, where: str) -> tuple[Array, ...]:
+    """Return one place or several to choose from."""
+    several = value if isinstance(value, list) and value and isinstance(value[0], list) else [value]
+    return tuple(read_only(fields.vector(v, where, (3,))) for v in several)
+
+
+def _yaws(value: object, where: str) -> tuple[float, ...]:
+    if value == "auto":
+        return tuple(float(a) for a in np.arange(AUTO_YAWS) * (2 * np.pi / AUTO_YAWS))
+    several = value if isinstance(value, list) and value else [value]
+    return tuple(float(np.deg2rad(fields.number(v, where))) for v in several)
+
+
+def _tray_places(value: object, where: str) -> dict[str, TrayPlace]:
+    out = {}
+    for name, entry in fields.mapping(value, where).items():
+        here = f"{where}.{name}"
+        raw = fields.mapping(entry, here, ("at_m", "yaw_deg", "turn_deg"))
+        turn = np.deg2rad(fields.vector(raw.get("turn_deg", [0, 0, 0]), f"{here}.turn_deg", (3,)))
+        if raw.get("yaw_deg") is not None:
+            if raw.get("turn_deg") is not None:
+                raise InputError(f"{here} has 'yaw_deg' and 'turn_deg'; give one: a yaw is a turn about [0, 0, 1].")
+            turn = np.array([0.0, 0.0, np.deg2rad(fields.number(raw["yaw_deg"], f"{here}.yaw_deg"))])
+        at = fields.vector(needed(raw, "at_m", here), f"{here}.at_m", (2,))
+        out[fields.part_name(name, where)] = TrayPlace(read_only(at), read_only(turn))
+    return out
+
+
+def _optional(raw: dict[str, Any], key: str, where: str) -> float | None:
+    return None if raw.get(key) is None else fields.number(raw[key], f"{where}.{key}", above=0.0, high=10.0)

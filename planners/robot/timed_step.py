@@ -1,0 +1,113 @@
+"""A step with times: transit, approach, pick, lift, transit, approach, insert, release, retreat."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mocca_robot.assembly import Array
+from mocca_robot.design import Insertion
+from mocca_robot.ur.plan import Grasp, Move, MoveKind, Step, Waypoint
+from mocca_robot.ur.pose import pose_of, three
+from planners.robot.bench import Bench
+from planners.robot.pick import Pick
+from planners.robot.scene import straight
+from planners.robot.seat import Seat
+from planners.robot.tolerance import tolerance
+from planners.robot.tool import SuctionGripper
+from planners.robot.trajectory import joint_motion, line_motion
+
+INSERT_M = 0.015
+"""The compliant part of the way in; before it the arm is guarded, and any contact stops it."""
+PICK_M = 0.008
+"""The last part of the way to a part in the tray."""
+SQUEEZE_M = 0.002
+"""Fingers are sent this much closer than the part is wide."""
+FORCE_N = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class TimedStep:
+    """A step and the share of the cone that the arm could use, radians; or why a part of it has no times."""
+
+    step: Step | None
+    usable_rad: float
+    reason: str
+
+
+def timed_step(
+    bench: Bench,
+    index: int,
+    insertion: Insertion,
+    direction: Array,
+    seat: Seat,
+    pick: Pick,
+    to_tray: Sequence[Array],
+    to_seat: Sequence[Array],
+) -> TimedStep:
+    """Return the step that takes part `index` as `pick` does and puts it in as `seat` does, along the two transits."""
+    cell, grasp = bench.cell, seat.grasp
+    limits = cell.limits
+    body = bench.site.bodies[index]
+    opened = grasp.width_m + cell.gripper.opening_m
+    closed = max(cell.gripper.stroke_m[0], grasp.width_m - SQUEEZE_M)
+    slow, gentle, fast = limits.approach_speed_m_s, limits.transfer_acceleration_m_s2, limits.transfer_speed_m_s
+    tool = pick.flange[:3, 2]
+    reasons: list[str] = []
+
+    def moved(start: Array, travel: Array, q: Array, speed: float, acceleration: float) -> tuple[Waypoint, ...]:
+        path, reason = line_motion(cell, start, travel, q, speed, acceleration)
+        reasons.extend([reason] if reason else [])
+        return path
+
+    above = straight(-pick.above_m * tool) @ pick.flange
+    near = straight(-PICK_M * tool) @ pick.flange
+    before = straight(-seat.standoff_m * direction) @ seat.flange
+    entry = straight(-INSERT_M * direction) @ seat.flange
+    approach = moved(above, (pick.above_m - PICK_M) * tool, pick.q_above, slow, gentle)
+    taken = approach and moved(near, PICK_M * tool, end(approach), slow, gentle)
+    lift = taken and moved(pick.flange, pick.lift, end(taken), slow, gentle)
+    across = lift and joint_motion(cell, [end(lift), *to_seat[1:]])
+    inward = across and moved(before, (seat.standoff_m - INSERT_M) * direction, end(across), slow, gentle)
+    insert = inward and moved(
+        entry, INSERT_M * direction, end(inward), limits.insert_speed_m_s, limits.insert_acceleration_m_s2
+    )
+    retreat = insert and moved(seat.flange, seat.retreat, end(insert), slow, gentle)
+    if not retreat:
+        return TimedStep(None, 0.0, reasons[-1])
+    cone = max(0.0, insertion.alpha_rad)
+    usable, alternatives = tolerance(bench, index, direction, cone, seat, end(insert), INSERT_M)
+    rest = Waypoint(0.0, insert[-1].q, insert[-1].tcp)
+    force = min(FORCE_N, limits.abort_force_n)
+    moves = (
+        Move(MoveKind.TRANSIT, joint_motion(cell, to_tray), fast, force, opened),
+        Move(MoveKind.APPROACH, approach, slow, force, opened),
+        Move(MoveKind.PICK, taken, slow, force, closed),
+        Move(MoveKind.LIFT, lift, slow, force, closed),
+        Move(MoveKind.TRANSIT, across, fast, force, closed),
+        Move(MoveKind.APPROACH, inward, slow, force, closed),
+        Move(MoveKind.INSERT, insert, limits.insert_speed_m_s, force, closed, alternatives),
+        Move(MoveKind.RELEASE, (rest,), slow, force, opened),
+        Move(MoveKind.RETREAT, retreat, slow, force, opened),
+    )
+    motion = bench.waiting(body.name)
+    held = Grasp(
+        grasp.width_m,
+        body.mass_kg,
+        three((np.linalg.inv(seat.flange) @ np.append(body.centroid, 1.0))[:3]),
+        min(cell.gripper.force_n, 235.0),
+        {
+            "kind": "suction" if isinstance(cell.gripper, SuctionGripper) else "parallel",
+            "cone_usable_deg": float(np.rad2deg(usable)),
+            "tray_motion": list(pose_of(motion)),
+        },
+    )
+    kept = tuple(m for m in moves if len(m.path) > 1 or m.kind is MoveKind.RELEASE)
+    return TimedStep(Step(body.name, held, kept, three(direction), cone), usable, "")
+
+
+def end(path: Sequence[Waypoint]) -> Array:
+    """Return the joints (6,) where a path ends."""
+    return np.array(path[-1].q)
