@@ -184,6 +184,19 @@ def test_rods_share_the_planes_between_them(tmp_path):
     assert len(find_contacts(bent).contacts) == 1
 
 
+def test_posts_turn_a_face_to_the_beams_they_carry_wherever_the_frame_lies(tmp_path):
+    square = np.array([[0, 0, 0], [3, 0, 0], [3, 3, 0], [0, 3, 0]])
+    rods = [[k, k + 4] for k in range(4)] + [[4 + k, 4 + (k + 1) % 4] for k in range(4)]
+    for shift, turn in ((0.0, 0.0), (7.0, np.deg2rad(20.0))):
+        spin = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+        nodes = np.vstack([square, square + [0, 0, 2.5]]) @ spin.T + [shift, -shift, 0]
+        (tmp_path / "frame.json").write_text(json.dumps({"nodes": nodes.tolist(), "rods": rods}))
+        frame = generate("frame", {"lines": "frame.json", "width": 0.2, "height": 0.3}, tmp_path)
+        for post in frame.parts[:4]:
+            extent = np.ptp(post.shape.vertices @ spin, axis=0)
+            assert sorted(extent[:2]) == pytest.approx([0.2, 0.3]), post.name
+
+
 @pytest.mark.parametrize(
     ("kind", "given", "message"),
     [

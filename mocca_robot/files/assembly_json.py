@@ -70,7 +70,7 @@ def assembly_from_data(data: Mapping[str, Any], where: str, folder: Path) -> Ass
     fields.mapping(data, where, KEYS)
     for key in ("units", "dimension", "parts"):
         if key not in data:
-            example = {"units": '"mm"', "dimension": "2", "parts": "[…]"}[key]
+            example = {"units": '"mm"', "dimension": "2 for flat parts or 3 for solid ones", "parts": "[…]"}[key]
             raise InputError(f'{where} does not say its "{key}"; add "{key}": {example}.')
     unit = fields.choice(data["units"], tuple(fields.UNITS_M), f"{where}: units")
     dimension = fields.integer(data["dimension"], f"{where}: dimension", 2, 3)

@@ -17,6 +17,9 @@ from mocca_robot.generators.parameters import REQUIRED, Parameters
 LARGEST = 1e9
 """Coordinates beyond leave no digits for the rods' sections."""
 
+UPRIGHT = 0.95
+"""Rods whose direction rises more steeply than this (its z) have no way up; they face their neighbours instead."""
+
 DEFAULTS: dict[str, Any] = {
     "lines": REQUIRED,
     "width": REQUIRED,
@@ -31,7 +34,8 @@ def frame(given: Mapping[str, Any], folder: Path) -> Assembly:
     """Return one rod per line of `lines`, an OBJ file with 'l' elements or a JSON file
     `{"nodes": [[x, y, z], …], "rods": [[a, b], …], "names": […]}`, in file order.
 
-    Rods have a rectangular section, `width` sideways and `height` upwards (m). At a node every rod keeps the points
+    Rods have a rectangular section, `width` sideways and `height` upwards (m); upright ones turn a face towards their
+    neighbours. At a node every rod keeps the points
     that lie further along it than along any other rod there, so that two rods share the plane that bisects them.
     Rods with an end within `ground` × height of the lowest node are fixed and end level with it.
     """
@@ -58,7 +62,8 @@ def frame(given: Mapping[str, Any], folder: Path) -> Assembly:
     parts = []
     for r, (a, b) in enumerate(rods):
         reach = float(np.linalg.norm(nodes[b] - nodes[a]))
-        planes = _section(nodes[a], nodes[b], width, height)
+        beside = [d for node in (a, b) for other, d in at_node[node] if other != r]
+        planes = _section(nodes[a], nodes[b], width, height, beside)
         for node in (a, b):
             planes += _end(r, node, nodes, at_node[node], bool(ground[node]), 0.6 * max(width, height))
         try:
@@ -118,15 +123,13 @@ def _rod(data: object, where: str) -> tuple[int, int]:
     return fields.integer(data[0], where, -1, 10**9), fields.integer(data[1], where, -1, 10**9)
 
 
-def _section(a: Array, b: Array, width: float, height: float) -> list[Array]:
-    """Return the four side planes of a rod as rows [n, −n·x]: inside where n·x ≤ n·x₀."""
+def _section(a: Array, b: Array, width: float, height: float, beside: list[Array]) -> list[Array]:
+    """Return the four side planes of a rod as rows [n, −n·x]: inside where n·x ≤ n·x₀; `beside` are its neighbours."""
     along = (b - a) / np.linalg.norm(b - a)
     up = np.array([0.0, 0.0, 1.0])
-    if abs(along[2]) > 0.95:
-        # Upright rods face the vertical axis through the origin, so that a ring of posts looks alike.
-        middle = 0.5 * (a + b)
-        up = np.array([middle[0], middle[1], 0.0])
-        up = up / np.linalg.norm(up) if np.linalg.norm(up) > 1e-9 else np.array([1.0, 0.0, 0.0])
+    if abs(along[2]) > UPRIGHT:
+        turn = _facing(beside)
+        up = np.array([np.cos(turn), np.sin(turn), 0.0])
     side = np.cross(along, up)
     side /= np.linalg.norm(side)
     high = np.cross(side, along)
@@ -135,6 +138,14 @@ def _section(a: Array, b: Array, width: float, height: float) -> list[Array]:
         for sign in (1.0, -1.0):
             planes.append(np.r_[sign * axis, -(sign * axis @ a) - 0.5 * size])
     return planes
+
+
+def _facing(beside: list[Array]) -> float:
+    """Return the heading (rad) of an upright rod whose faces look at its neighbours best: max Σ |h| cos 4(φ − φ_h)
+    over their horizontal parts h, since a section looks the same after a quarter turn; 0 where nobody is beside it."""
+    level = np.array([d[0] + 1j * d[1] for d in beside])
+    pull = complex((np.abs(level) * np.exp(4j * np.angle(level))).sum()) if len(level) else 0j
+    return float(np.angle(pull)) / 4.0 if abs(pull) > 1e-9 else 0.0
 
 
 def _end(
