@@ -189,7 +189,7 @@ def test_posts_turn_a_face_to_the_beams_they_carry_wherever_the_frame_lies(tmp_p
     rods = [[k, k + 4] for k in range(4)] + [[4 + k, 4 + (k + 1) % 4] for k in range(4)]
     for shift, turn in ((0.0, 0.0), (7.0, np.deg2rad(20.0))):
         spin = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
-        nodes = np.vstack([square, square + [0, 0, 2.5]]) @ spin.T + [shift, -shift, 0]
+        nodes = np.vstack([square, square + np.array([0, 0, 2.5])]) @ spin.T + [shift, -shift, 0]
         (tmp_path / "frame.json").write_text(json.dumps({"nodes": nodes.tolist(), "rods": rods}))
         frame = generate("frame", {"lines": "frame.json", "width": 0.2, "height": 0.3}, tmp_path)
         for post in frame.parts[:4]:
