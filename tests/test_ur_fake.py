@@ -12,9 +12,11 @@ import pytest
 from ur_cell import HOME, MODEL, TOOL, command, environment, fake_controller, loopback, small_plan, undisturbed
 
 from mocca_robot.errors import InputError
-from mocca_robot.ur.fake.controller import ask
-from mocca_robot.ur.fake.world import Fault, Trigger
-from mocca_robot.ur.plan import write_plan
+from mocca_robot.ur.fake.arm import PLAYING, STOPPED
+from mocca_robot.ur.fake.controller import LONGEST_TICK_S, FakeController, ask
+from mocca_robot.ur.fake.world import SEAT_PLAY_M, SEAT_STIFFNESS_N_M, Fault, Trigger
+from mocca_robot.ur.frames import frame_along
+from mocca_robot.ur.plan import MoveKind, insertion_axis, write_plan
 
 PLAN = small_plan(1, short=True)
 
@@ -130,3 +132,38 @@ def test_forces_come_from_seats_and_jams() -> None:
     assert world.force(end + 0.0012 * down, still, None) == pytest.approx(np.zeros(6))
     world.active.add(Fault.JAM)
     assert world.force(end, still, down)[2] == pytest.approx(18.0)
+
+
+def test_watchdog_runs_on_the_time_in_which_the_fake_runs() -> None:
+    """A computer that stalls for a moment has kept the client from writing and the fake from reading, too."""
+    controller = FakeController(PLAN)
+    arm = controller.arm
+    arm.start_program()
+    arm.watchdog_s = 4.5 * LONGEST_TICK_S
+    for _ in range(3):
+        controller.advance(60.0)
+        assert arm.runtime_state == PLAYING
+        arm.feed()
+    for _ in range(4):
+        controller.advance(LONGEST_TICK_S)
+        assert arm.runtime_state == PLAYING
+    controller.advance(LONGEST_TICK_S)
+    assert arm.runtime_state == STOPPED and arm.log[-1] == "program stopped: watchdog"
+
+
+@pytest.mark.parametrize("speedup", [1.0, 4.0, 20.0])
+def test_a_late_tick_does_not_shake_a_part_on_its_seat(speedup: float) -> None:
+    """However long a tick lasts, a pushed part comes to rest on its stop at the force it is pushed with."""
+    controller = FakeController(PLAN, speedup=speedup)
+    arm, insert = controller.arm, next(m for m in PLAN.steps[0].moves if m.kind is MoveKind.INSERT)
+    arm.tcp_offset, arm.q = np.array(TOOL), np.array(insert.path[0].q)
+    arm.start_program()
+    axis, depth = insertion_axis(insert.path)
+    arm.doubles[:18] = [*frame_along(axis, insert.path[0].tcp), 0, 0, 10, 0, 0, 0, *[0.01] * 3, *[0.1] * 3]
+    arm.ints[0], arm.ints[2:8] = 6, [1, 1, 1, 0, 0, 0]
+    arm.command()
+    for _ in range(400):
+        controller.advance(LONGEST_TICK_S)
+        assert float(np.linalg.norm(arm.force[:3])) < 20.0
+    travelled = float((arm.tcp[:3, 3] - np.array(insert.path[0].tcp[:3])) @ axis)
+    assert travelled == pytest.approx(depth + SEAT_PLAY_M + 10.0 / SEAT_STIFFNESS_N_M, abs=2e-4)

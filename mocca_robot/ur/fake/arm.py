@@ -57,7 +57,7 @@ class FakeArm:
     triggers: list[Trigger] = field(default_factory=list)
     begun: dict[str, int] = field(default_factory=dict)
     watchdog_s: float | None = None
-    fed_at: float = 0.0
+    unfed_s: float = 0.0
     gripper_m: float = 0.085
     gripper_blocked: bool = False
     log: list[str] = field(default_factory=list)
@@ -156,9 +156,9 @@ class FakeArm:
             self.log.append(f"program stopped: {why}")
         self.runtime_state, self.mode, self._busy, self.watchdog_s = STOPPED, "idle", False, None
 
-    def feed(self, now: float) -> None:
-        """Note that the client wrote its command register, at wall time `now`."""
-        self.fed_at = now
+    def feed(self) -> None:
+        """Note that the client wrote its command register."""
+        self.unfed_s = 0.0
 
     def command(self) -> None:
         """Obey the command register, as the client's control script would."""
@@ -219,7 +219,7 @@ class FakeArm:
         elif command == 29 and Fault.TCP_IGNORED not in self.world.active:
             self.tcp_offset = values[:6]
         elif command == 35:
-            self.watchdog_s = 1.0 / max(values[0], 1e-3)
+            self.watchdog_s, self.unfed_s = 1.0 / max(values[0], 1e-3), 0.0
         elif command in (36, 37):
             self.out_ints[1] = int(self._safe(values[:6], joints=command == 37))
         elif command == 40:
@@ -245,11 +245,12 @@ class FakeArm:
         reach = self.model.reach_m + self.model.d[5] + float(np.linalg.norm(self.tcp_offset[:3]))
         return float(np.linalg.norm(values[:3] - [0, 0, self.model.d[0]])) <= reach
 
-    def step(self, dt: float, now: float) -> None:
-        """Advance by `dt` seconds of robot time; `now` is wall time, on which the watchdog runs."""
+    def step(self, dt: float, wall_s: float) -> None:
+        """Advance by `dt` seconds of robot time and `wall_s` of wall time, on which the watchdog runs."""
         self.time_s += dt
         self._fire()
-        if self.watchdog_s is not None and self.runtime_state == PLAYING and now - self.fed_at > self.watchdog_s:
+        self.unfed_s += wall_s
+        if self.watchdog_s is not None and self.runtime_state == PLAYING and self.unfed_s > self.watchdog_s:
             self.stop_program("watchdog")
         before = self.tcp
         wanted = self._velocity(dt) * self.slider

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
@@ -22,6 +23,10 @@ from mocca_robot.ur.models import robot_model
 from mocca_robot.ur.plan import Plan
 
 TICK_S = 0.008
+LONGEST_TICK_S = 0.05
+"""What the computer kept from running for longer counts as this: neither the arm nor its watchdog makes up for it."""
+FINEST_STEP_S = 0.03
+"""Of robot time: force control of the arm stays stable on a seat in steps of this length."""
 CONTROL_PORT = 30099
 STROKE_M = 0.085
 HOME = (0.0, -1.57, 1.57, -1.57, -1.57, 0.0)
@@ -59,7 +64,7 @@ class FakeController:
             raise InputError(f"--speedup is {speedup:g}; give a number above 0 and at most 20.")
         self.speedup = speedup
         self.longest_pause_s = 0.0
-        self.rtde = RtdeServer(self.arm, time.monotonic)
+        self.rtde = RtdeServer(self.arm)
         for text in faults:
             self.arm.inject(Trigger.parse(text))
 
@@ -87,13 +92,20 @@ class FakeController:
             await asyncio.sleep(TICK_S)
             now = time.monotonic()
             self.longest_pause_s = max(self.longest_pause_s, now - before)
-            self.arm.step(min(now - before, 0.05) * self.speedup, now)
+            self.advance(now - before)
             before = now
             if {Fault.CONNECTION_DROPPED, Fault.CONNECTION_BLIP} & self.arm.world.active:
                 self.rtde.drop()
                 self.arm.world.clear({Fault.CONNECTION_BLIP})
             else:
                 self.rtde.broadcast()
+
+    def advance(self, passed_s: float) -> None:
+        """Move arm and watchdog on by the wall time that has passed, at most `LONGEST_TICK_S` of it."""
+        wall_s = min(passed_s, LONGEST_TICK_S)
+        steps = max(1, math.ceil(wall_s * self.speedup / FINEST_STEP_S))
+        for _ in range(steps):
+            self.arm.step(wall_s * self.speedup / steps, wall_s / steps)
 
     def _reachable(self, handler: Handler) -> Handler:
         async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -112,9 +112,8 @@ def _outputs(arm: FakeArm) -> dict[str, tuple[str, Callable[[], Value]]]:
 class RtdeServer:
     """All RTDE connections. `broadcast` sends every started one its outputs."""
 
-    def __init__(self, arm: FakeArm, clock: Callable[[], float]) -> None:
+    def __init__(self, arm: FakeArm) -> None:
         self.arm = arm
-        self.clock = clock
         self.outputs = _outputs(arm)
         self.clients: list[_Client] = []
 
@@ -215,7 +214,7 @@ class _Client:
                 else:
                     del values[:6]
             if "input_int_register_0" in names:
-                arm.feed(self.server.clock())
+                arm.feed()
                 arm.command()
 
     def send_outputs(self) -> None:
