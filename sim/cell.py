@@ -141,8 +141,10 @@ class SimulatedCell:
             if moving in self._supported:
                 self._held.add(moving)
         self._world.enter(self._at(phase, None if phase == "rest" and moving in self._held else moving))
-        if self._world.cup is not None and self._world.gripped:
-            suck(self._world)
+        gripper, world = self.place.cell.gripper, self._world
+        if world.cup is not None and world.gripped and isinstance(gripper, SuctionGripper):
+            assert self._grasp is not None
+            suck(world, gripper, self._grasp)
 
     def _at(self, phase: Phase, moving: int | None) -> Moment:
         return Moment(phase, moving, self.free, tuple(sorted(self._held)))
@@ -166,6 +168,10 @@ class SimulatedCell:
             if world.time_s - started >= 0.2 and resting(self.speeds()):
                 break
         return world.time_s - started
+
+    def put(self, part: int, pose: Pose) -> None:
+        """Have a part that is not in hand lie elsewhere, as a person might leave it."""
+        self._world.poses[part] = pose
 
     def refuse(self, reason: str) -> None:
         """Have every further motion refused: the structure fell, and a person would stop the arm."""
@@ -404,7 +410,8 @@ class SimulatedCell:
             holds = sealed(world, gripper)
             if holds:
                 self._take(0.0)
-                suck(world)
+                assert self._grasp is not None
+                suck(world, gripper, self._grasp)
             return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), Grip(None, None, holds)
         except Stopped as stop:
             world.gently = False

@@ -48,8 +48,6 @@ ARMATURE = 0.002
 
 FINGER_KG, FINGER_ARMATURE_KG = 0.05, 0.5
 FINGER_STIFFNESS, FINGER_DAMPING = 4e4, 300.0
-CUP_SOLREF = (0.01, 1.0)
-"""Bellows give as the pads do."""
 PAD_SPHERE_M = 0.002
 PAD_SPREAD = 0.7
 """Of the pad's radius: how far from its middle the four points lie with which it presses."""
@@ -111,14 +109,13 @@ def add_arm(spec: Any, cell: RobotCell, position: Array, quat_wxyz: Array, pad_f
 
 
 def add_cup(spec: Any, part: str) -> None:
-    """Add what a suction cup holds the body `part` with: a weld that begins inactive."""
+    """Add what a suction cup holds the body `part` with: a weld that begins inactive (see `cell_cup.suck`)."""
     import mujoco
 
     cup = spec.add_equality(name="cup", type=mujoco.mjtEq.mjEQ_WELD)
     cup.name1, cup.name2 = "flange", part
     cup.objtype = mujoco.mjtObj.mjOBJ_BODY
     cup.active = False
-    cup.solref, cup.solimp = CUP_SOLREF, (0.95, 0.99, 1e-3, 0.5, 2.0)
 
 
 def _add_stem(flange: Any, gripper: SuctionGripper) -> None:

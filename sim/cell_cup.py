@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from mocca_robot.assembly import Array, IntArray
 from planners.robot.tool import SuctionGripper
 from sim.cell_world import CellWorld
 
+Grasp = tuple[Array, Array]
+"""Where a part is in the flange's frame, (3,) and (3, 3)."""
+
+IMPEDANCE = 0.95
+"""Of the weld with which a part hangs on a cup."""
+LEAST_STEPS = 2.5
+"""Time constants of fewer steps are not stable."""
 BACK_M = 0.02
 """The part is looked for from this far behind the lip."""
 
@@ -29,33 +37,80 @@ def sealed(world: CellWorld, gripper: SuctionGripper) -> bool:
     return abs(float(reached) - BACK_M) <= gripper.bellows_m
 
 
-def suck(world: CellWorld) -> None:
-    """Hold the part that moves where it is now."""
+def suck(world: CellWorld, gripper: SuctionGripper, grasp: Grasp) -> None:
+    """Hold the part that moves with the cup's stiffness; `grasp` is where it hangs when nothing pulls at it."""
     import mujoco
 
     world.forward()
-    grasp = world.in_hand()
-    assert grasp is not None and world.cup is not None
+    assert world.cup is not None
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, np.ascontiguousarray(grasp[1]).ravel())
+    part = int(world.model.body(world.moving_name).id)
+    solref, scale = weld_of(
+        gripper.stiffness_n_m,
+        gripper.stiffness_nm_rad,
+        world.model.body_invweight0[part] + world.model.body_invweight0[world.flange],
+        float(world.model.opt.timestep),
+    )
     data = world.model.eq_data[world.cup]
-    data[:3], data[3:6], data[6:10], data[10] = 0.0, grasp[0], quat, 0.05
+    data[:3], data[3:6], data[6:10], data[10] = 0.0, grasp[0], quat, scale
+    world.model.eq_solref[world.cup], world.model.eq_solimp[world.cup, :2] = solref, IMPEDANCE
     world.data.eq_active[world.cup] = 1
 
 
+def weld_of(
+    stiffness_n_m: float, stiffness_nm_rad: float, inverse_weights: Array, timestep_s: float
+) -> tuple[Array, float]:
+    """Return `solref` (2,) and the torque scale of a weld that gives like a spring under a steady load.
+
+    `inverse_weights` (2,) are the sums of both bodies' `body_invweight0`, 1/kg and 1/(kg m²). At rest a constraint of
+    impedance d and regularisation R = (1 - d)/d × inverse weight gives way by R/k per newton, with k = 1/(d T²) of its
+    time constant T at critical damping; half the angle counts as a length by the torque scale. A weld cannot be
+    stiffer than T of a few steps allows: then it is softer than asked.
+    """
+    give = (1.0 - IMPEDANCE) / IMPEDANCE
+    rate = stiffness_n_m * give * float(inverse_weights[0])
+    time = max(float(1.0 / np.sqrt(IMPEDANCE * rate)), LEAST_STEPS * timestep_s)
+    rate = 1.0 / (IMPEDANCE * time**2)
+    scale = 2.0 * float(np.sqrt(stiffness_nm_rad * give * float(inverse_weights[1]) / rate))
+    return np.array([time, 1.0]), scale
+
+
 def overload(world: CellWorld, gripper: SuctionGripper) -> str:
-    """Return '' or why the cup cannot hold its part: pulled harder than the vacuum, or sideways than its friction."""
+    """Return '' or why the cup cannot hold its part: pulled harder than the vacuum, sideways than its friction, or
+    tilted until an edge of the lip lifts.
+    """
     data = world.data
     if world.cup is None or not data.eq_active[world.cup]:
         return ""
-    rows = np.flatnonzero((data.efc_id == world.cup) & (data.efc_type == 0))[:3]
-    if len(rows) < 3:
+    rows = np.flatnonzero((data.efc_id == world.cup) & (data.efc_type == 0))
+    if len(rows) < 6:
         return ""  # not stepped since it took hold
-    force = -data.efc_force[rows]  # MuJoCo's acts on the flange
+    force, moment = _held_with(world, gripper, rows)
     axis = data.xmat[world.flange].reshape(3, 3)[:, 2]
     along = float(force @ axis)
     across = float(np.linalg.norm(force - along * axis))
-    # On the part, negative is towards the cup: what the vacuum has to pull with.
-    if -along > gripper.force_n or across > world.place.pad_friction * max(0.0, gripper.force_n + along):
+    tilting = float(np.linalg.norm(moment - float(moment @ axis) * axis))
+    # On the part, negative is towards the cup: what the vacuum has to pull with. The rest presses the lip on.
+    pressed = max(0.0, gripper.force_n + along)
+    if -along > gripper.force_n or across > world.place.pad_friction * pressed:
         return f"the cup let go: {-along:.1f} N along its axis, {across:.1f} N across"
+    if tilting > pressed * gripper.cup_radius_m:
+        return f"the cup let go: tilted with {tilting:.2f} Nm, its lip holds {pressed * gripper.cup_radius_m:.2f} Nm"
     return ""
+
+
+def _held_with(world: CellWorld, gripper: SuctionGripper, rows: IntArray) -> tuple[Array, Array]:
+    """Return force and moment (3,) with which the cup holds its part, world frame, about the middle of the lip."""
+    import mujoco
+
+    model, data = world.model, world.data
+    only, joint = np.zeros(data.nefc), np.zeros(model.nv)
+    only[rows] = data.efc_force[rows]
+    mujoco.mj_mulJacTVec(model, data, joint, only)
+    part = int(model.body(world.moving_name).id)
+    first = int(model.body_dofadr[part])
+    force = joint[first : first + 3]
+    turning = data.xmat[part].reshape(3, 3) @ joint[first + 3 : first + 6]
+    lip = data.xpos[world.flange] + data.xmat[world.flange].reshape(3, 3) @ np.asarray(gripper.tcp_offset[:3])
+    return force, turning + np.cross(data.xpos[part] - lip, force)

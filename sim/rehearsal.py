@@ -67,14 +67,16 @@ class Options:
 
 @dataclass(frozen=True)
 class Standing:
-    """Whether the structure stands, by how far its parts are from their places once it rests.
+    """Whether the structure stands as it should, by how far its parts are from their places once it rests.
 
     Attributes:
         stands: None when it neither rested in time nor moved far: no verdict.
-        farthest: the part that is farthest from its place, '' without free parts.
+        farthest: the part that is farthest from its place, '' where all is held; besides the free parts the one that
+            was placed last counts, held by its support or not.
         displacement_m, allowed_m: its distance (turning counted at its outermost point), and the limit.
         moved: the parts beyond their limits, in assembly order.
         seconds: simulated, until it rested or was given up.
+        on_support: the farthest is held by its support: it is out of place, but nothing falls.
     """
 
     stands: bool | None
@@ -84,6 +86,7 @@ class Standing:
     moved: tuple[str, ...]
     seconds: float
     reason: str
+    on_support: bool = False
 
 
 @dataclass(frozen=True)
@@ -262,22 +265,26 @@ def watch(cell: SimulatedCell, part: int | None) -> Standing:
 
     seconds = cell.settle(part, LONGEST_S, enough)
     free = list(cell.free)
-    if not free:
-        return Standing(True, "", 0.0, FAR_M, (), seconds, "everything is held by supports")
-    gaps = np.array([displacement(cell, k) for k in free])
-    allowed = np.maximum(FAR_M, FAR_SHARE * sizes[free])
+    # A part that its support took over stays as it was let go: it can be out of place, though it cannot fall.
+    judged = free if part is None or part in free else [*free, part]
+    if not judged:
+        return Standing(True, "", 0.0, FAR_M, (), seconds, "everything is held")
+    gaps = np.array([displacement(cell, k) for k in judged])
+    allowed = np.maximum(FAR_M, FAR_SHARE * sizes[judged])
     resting = bool((cell.speeds() <= REST_SHARE_S * sizes[free]).all())
     worst = int((gaps / allowed).argmax())
-    moved = tuple(assembly.parts[k].name for k, g, a in zip(free, gaps, allowed) if g > a)
-    name = assembly.parts[free[worst]].name
-    words = f"{name} is {1e3 * gaps[worst]:.2f} mm from its place, limit {1e3 * allowed[worst]:.2f} mm"
+    moved = tuple(assembly.parts[k].name for k, g, a in zip(judged, gaps, allowed) if g > a)
+    name = assembly.parts[judged[worst]].name
+    held = judged[worst] not in free
+    where = "its place, on its support" if held else "its place"
+    words = f"{name} is {1e3 * gaps[worst]:.2f} mm from {where}, limit {1e3 * allowed[worst]:.2f} mm"
     if moved:
         stands: bool | None = False
     elif resting:
         stands = True
     else:
         stands, words = None, f"it still moves after {seconds:.1f} s; {words}"
-    return Standing(stands, name, float(gaps[worst]), float(allowed[worst]), moved, seconds, words)
+    return Standing(stands, name, float(gaps[worst]), float(allowed[worst]), moved, seconds, words, held)
 
 
 def displacement(cell: SimulatedCell, part: int) -> float:

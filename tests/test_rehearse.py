@@ -27,10 +27,14 @@ from mocca_robot.ur.status import ExecutionStatus
 from planners.cone_joints.designer import design
 from planners.robot.build_plan import build_plan
 from planners.robot.cell import RobotCell, read_cell
+from planners.robot.grasp import find_grasps
 from planners.robot.site import site
+from planners.robot.tool import SuctionGripper
+from sim.cell import SimulatedCell
+from sim.cell_cup import IMPEDANCE, weld_of
 from sim.cell_force import hand_wrench
-from sim.cell_model import Moment, Workplace, compile_moment, seat, workplace
-from sim.rehearsal import Options, Rehearsal, rehearse
+from sim.cell_model import Moment, Pose, Workplace, compile_moment, seat, workplace
+from sim.rehearsal import Options, Rehearsal, rehearse, waiting, watch
 from sim.rehearsal_json import rehearsal_to_data
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,6 +50,11 @@ def block(name: str, x: float, y: float, w: float, h: float, fixed: bool = False
 def brick(low: float, high: float, width: float) -> Mesh:
     box = trimesh.creation.box(bounds=[[-width / 2, -width / 2, low], [width / 2, width / 2, high]])
     return Mesh(box.vertices, box.faces)
+
+
+def _box(low: list[float], high: list[float]) -> tuple[np.ndarray, np.ndarray]:
+    box = trimesh.creation.box(bounds=[low, high])
+    return box.vertices, box.faces
 
 
 def pile(overhang: float = -0.03) -> Design:
@@ -123,6 +132,69 @@ def test_a_cup_carries_what_its_vacuum_holds_and_drops_what_it_does_not() -> Non
     assert result.succeeded and result.parts[0].held is True, result.parts
     slack = rehearse(built.plan, bricked, replace(QUICK, pad_friction=0.01))
     assert slack.parts[0].status is ExecutionStatus.DEVIATED and "the cup let go" in slack.parts[0].detail
+
+
+@pytest.mark.parametrize("mass_kg", [0.01, 0.05, 1.0])
+def test_a_cup_gives_way_as_its_bellows_do(mass_kg: float) -> None:
+    """Under a steady load a part on the cup shifts by load/stiffness and turns by moment/stiffness, whatever it weighs;
+    the lip's own stiffness makes both.
+    """
+    import mujoco
+
+    gripper = read_cell(ROOT / "configs" / "cells" / "ur10e_suction.yaml").gripper
+    assert isinstance(gripper, SuctionGripper)
+    assert gripper.stiffness_n_m * gripper.bellows_m == pytest.approx(gripper.force_n)
+    spec = mujoco.MjSpec()
+    spec.option.timestep, spec.option.gravity = 1e-3, [0.0, 0.0, 0.0]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    body = spec.worldbody.add_body(name="part")
+    body.add_freejoint()
+    body.explicitinertial, body.mass, body.inertia = True, mass_kg, mass_kg * np.array([1e-4, 4e-4, 4.5e-4])
+    weld = spec.add_equality(name="cup", type=mujoco.mjtEq.mjEQ_WELD)
+    weld.name1, weld.name2, weld.objtype = "world", "part", mujoco.mjtObj.mjOBJ_BODY
+    weld.data[:11] = [0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1]
+    model = spec.compile()
+    solref, scale = weld_of(gripper.stiffness_n_m, gripper.stiffness_nm_rad, model.body_invweight0[1], 1e-3)
+    model.eq_solref[0], model.eq_solimp[0, :2], model.eq_data[0, 10] = solref, IMPEDANCE, scale
+    for axis in range(3):
+        data = mujoco.MjData(model)
+        data.xfrc_applied[1, axis], data.xfrc_applied[1, 3 + axis] = 2.0, 0.02
+        mujoco.mj_step(model, data, 1500)
+        assert data.qpos[axis] == pytest.approx(2.0 / gripper.stiffness_n_m, rel=1e-3)
+        turn = 2.0 * float(np.arcsin(data.qpos[4 + axis]))
+        assert turn == pytest.approx(0.02 / gripper.stiffness_nm_rad, rel=1e-3)
+
+
+def test_a_part_that_would_tip_off_the_cup_is_not_held_there() -> None:
+    """Far off the middle its weight would lift the lip's edge; more vacuum reaches farther."""
+    standard = read_cell(ROOT / "configs" / "cells" / "ur10e_suction.yaml")
+    gripper = standard.gripper
+    assert isinstance(gripper, SuctionGripper)
+    long = Mesh(*_box([-0.3, -0.03, 0.0], [0.3, 0.03, 0.06]))
+    parts = (Part("base", brick(-0.1, 0.0, 0.2), fixed=True), Part("beam", long, density=230.0))
+    where = site(Assembly("beam", parts), replace(standard, build_size_m=None))
+    beam, reached = where.bodies[1], []
+    for stronger in (1.0, 1.5):
+        tool = replace(gripper, vacuum_pa=stronger * gripper.vacuum_pa)
+        found = find_grasps(where, 1, replace(standard, gripper=tool), rng=np.random.default_rng(0))
+        levers = [float(np.linalg.norm(g.tcp[:3, 3] - beam.centroid)) for g in found.grasps]
+        assert max(levers) <= 0.5 * tool.force_n * tool.cup_radius_m / (9.81 * beam.mass_kg)
+        assert found.rejected["its weight would tip it off the cup"] > 0
+        reached.append(max(levers))
+    assert reached[0] < reached[1]
+
+
+def test_a_part_out_of_place_on_its_support_is_not_called_placed() -> None:
+    design = pile(overhang=0.005)
+    plan = plan_for(design, ("b0",))
+    place = place_of(design)
+    for shift, stands in ((0.001, True), (0.004, False)):
+        with SimulatedCell(place, plan, waiting(place, plan, QUICK)) as arm:
+            x, y, z = seat(place.assembly.parts[1]).position
+            arm.put(1, Pose((x + shift, y, z)))
+            standing = watch(arm, 1)
+        assert standing.stands is stands and standing.displacement_m == pytest.approx(shift)
+        assert "on its support" in standing.reason and standing.moved == (() if stands else ("b0",))
 
 
 def test_errors_in_the_tray_are_drawn_from_the_seed() -> None:

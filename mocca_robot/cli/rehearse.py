@@ -124,7 +124,7 @@ def line(part: PartRehearsal) -> str:
     """Return what was seen of one part, for people."""
     words = []
     if part.width_m is not None:
-        words.append(f"held over {1e3 * part.width_m:.1f} mm")
+        words.append(f"held over {1e3 * part.width_m:.1f} mm" if part.width_m else "held by the cup")
     if part.slip_m is not None and part.slip_rad is not None:
         words.append(f"slipped {1e3 * part.slip_m:.2f} mm, {math.degrees(part.slip_rad):.1f}°")
     if part.depth_m is not None and part.wanted_m is not None:
@@ -133,7 +133,8 @@ def line(part: PartRehearsal) -> str:
             f"in by {1e3 * part.depth_m:.1f} of {1e3 * part.wanted_m:.1f} mm, {pushes}, {part.peak_force_n or 0:.1f} N"
         )
     if part.standing is not None:
-        verdict = {True: "stands", False: "FALLS", None: "NO VERDICT"}[part.standing.stands]
+        fell = "OUT OF PLACE" if part.standing.on_support else "FALLS"
+        verdict = {True: "stands", False: fell, None: "NO VERDICT"}[part.standing.stands]
         words.append(f"{verdict}: {part.standing.reason}")
     if part.detail:
         words.append(f"{part.status}: {part.detail}")

@@ -65,7 +65,23 @@ def find_grasps(
         found = on_solid(site, shape, gripper, rng, rejected)
     else:
         found = across_solid(site, shape, gripper, rng, rejected)
+    if isinstance(gripper, SuctionGripper):
+        found = _balanced(found, gripper, mass, site.bodies[part].centroid, rejected)
     return GraspSearch(tuple(sorted(found, key=lambda g: g.score)[:limit]), rejected)
+
+
+def _balanced(
+    grasps: list[GraspPose], gripper: SuctionGripper, mass_kg: float, centroid: Array, rejected: dict[str, int]
+) -> list[GraspPose]:
+    """Return the grasps that keep a part whichever way the arm turns it."""
+    kept = []
+    for grasp in grasps:
+        tips = gripper.tips(mass_kg, float(np.linalg.norm(centroid - grasp.tcp[:3, 3])))
+        if tips:
+            count(rejected, tips)
+        else:
+            kept.append(grasp)
+    return kept
 
 
 def too_wide(width: float, gripper: ParallelGripper) -> str:

@@ -88,10 +88,26 @@ class SuctionGripper:
         """Return what the vacuum pulls with."""
         return float(self.vacuum_pa * np.pi * self.cup_radius_m**2)
 
+    @property
+    def stiffness_n_m(self) -> float:
+        """Return how stiffly the cup holds a part: pulled with all of its vacuum, it gives by its bellows' travel."""
+        return self.force_n / self.bellows_m
+
+    @property
+    def stiffness_nm_rad(self) -> float:
+        """Return how stiffly the cup keeps a part from turning: its stiffness lies around its lip."""
+        return 0.5 * self.stiffness_n_m * self.cup_radius_m**2
+
     def too_heavy(self, mass_kg: float) -> str:
         """Return '' or why a part of this mass would slip off: carried sideways, friction alone holds it."""
         holds = self.friction * self.force_n / (SAFETY * GRAVITY)
         return "" if mass_kg <= holds else f"heavier than the cup holds ({mass_kg:.2f} kg, at most {holds:.2f} kg)"
+
+    def tips(self, mass_kg: float, lever_m: float) -> str:
+        """Return '' or why a part whose middle is `lever_m` from the middle of the lip would tip off the cup."""
+        holds = self.force_n * self.cup_radius_m / SAFETY
+        moment = GRAVITY * mass_kg * lever_m
+        return "" if moment <= holds else "its weight would tip it off the cup"
 
 
 Gripper = ParallelGripper | SuctionGripper
