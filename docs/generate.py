@@ -1,8 +1,8 @@
 """Write the pages of the documentation that are made from the code: `python docs/generate.py` (or `make docs`).
 
-cli.md comes from the argument parsers, config.md and the configuration's JSON Schema from the table of keys, api.md
-from the docstrings of the public names, changelog.md from CHANGELOG.md, the gallery from what docs/gallery.py measured.
-A test compares them with what the code says.
+cli.md comes from the argument parsers, config.md, cells.md and the JSON Schemas of YAML files from their tables of
+keys, api.md from the docstrings of the public names, changelog.md from CHANGELOG.md, the gallery from what
+docs/gallery.py measured. A test compares them with what the code says.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import argparse
 import dataclasses
 import importlib.util
 import inspect
-import json
 import re
 import sys
 from importlib import import_module
@@ -80,7 +79,8 @@ def pages() -> dict[str, str]:
         "config.md": config_page(),
         "api.md": api_page(),
         "changelog.md": NOTICE + (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
-        "schemas/config.schema.json": json.dumps(config_schema(), indent=1, ensure_ascii=False) + "\n",
+        "cells.md": cell_page(),
+        **schemas(),
         **_module("gallery_pages").pages(),
     }
 
@@ -156,83 +156,46 @@ def config_page() -> str:
         "with the unit *units* are in the file's own `units`; a text such as `3 mm` says its unit itself. "
         "[A JSON Schema](schemas/config.schema.json) lets editors complete and check keys.\n",
     ]
-    sections = {"": "Top level"}
-    for key in KEYS:
-        prefix = key.name.rpartition(".")[0]
-        sections.setdefault(prefix, f"Section `{prefix}`")
-    for prefix, title in sections.items():
-        out.append(f"## {title}\n\n| key | kind | default | unit | meaning |\n|---|---|---|---|---|")
-        for key in KEYS:
-            if key.name.rpartition(".")[0] == prefix:
-                default = "not set" if key.default is None else f"`{_plain(key.default)}`"
-                known = f" One of {', '.join(f'`{k}`' for k in key.known)}." if key.known else ""
-                out.append(
-                    f"| `{key.name}` | {key.kind} | {default} | {key.unit} | "
-                    f"{_cell(key.description)}{known}{_limits(key)} |"
-                )
-        out.append("")
+    out.append(_module("key_tables").reference(KEYS, {"": "Top level"}))
     return "\n".join(out).rstrip() + "\n"
 
 
-def _limits(key: Any) -> str:
-    signs = (("≥", key.low), (">", key.above), ("≤", key.high), ("<", key.below))
-    said = [f"{sign} {limit:g}" for sign, limit in signs if limit is not None]
-    return f" Limits: {', '.join(said)}." if said else ""
+def cell_page() -> str:
+    """Return the reference of cell files."""
+    from planners.robot.cell_keys import CELL_KEYS, GRIPPER_KEYS, LIMIT_KEYS
+
+    tables = _module("key_tables")
+    shared = [k for k in GRIPPER_KEYS["parallel"] if k in GRIPPER_KEYS["suction"]]
+    out = [
+        NOTICE,
+        "# Cell files\n",
+        "A YAML file of plain values says which arm, gripper, table and tray there are, and where to build: "
+        "`configs/cells/` holds three. Metres, degrees, kilograms in the frame of the robot's base, z up. Unknown keys "
+        "are refused, with the nearest known one. [A JSON Schema](schemas/cell.schema.json) lets editors complete and "
+        "check keys.\n",
+        tables.reference(CELL_KEYS, {"": "Top level"}),
+        tables.reference(shared, {"gripper": "Section `gripper`: both kinds"}),
+    ]
+    for kind, words in (("parallel", "two fingers"), ("suction", "a suction cup")):
+        own = [k for k in GRIPPER_KEYS[kind] if k not in shared]
+        out.append(tables.reference(own, {"gripper": f"Section `gripper`: `{kind}`, {words}"}))
+    out.append(tables.reference(LIMIT_KEYS, {}))
+    return "\n".join(out).rstrip() + "\n"
 
 
-def config_schema() -> dict[str, Any]:
-    """Return a JSON Schema for configurations, as far as one can say their rules without reading the model."""
+def schemas() -> dict[str, str]:
+    """Return the JSON Schemas that come from tables of keys: path relative to docs/ → content."""
     from mocca_robot.files.schema import KEYS
+    from sim.studies.study import STUDY_KEYS
 
-    kinds: dict[str, dict[str, Any]] = {
-        "number": {"type": "number"},
-        "integer": {"type": "integer"},
-        "degrees": {"type": ["number", "null"]},
-        "length": {"type": ["number", "string"]},
-        "boolean": {"type": "boolean"},
-        "name": {"type": ["string", "number"]},
-        "text": {"type": "string"},
-        "names": {"type": "array"},
-        "vector": {"type": ["number", "array"]},
-        "goals": {"type": ["string", "object", "array"]},
-        "pairs": {"type": "array"},
-        "mapping": {"type": "object"},
+    tables = _module("key_tables")
+    more = "reading it checks more than this schema can say."
+    found = {
+        "config": tables.schema(KEYS, "mocca-robot configuration", f"A YAML file that says what to design; {more}"),
+        "study-file": tables.schema(STUDY_KEYS, "mocca-robot study", f"A YAML file that says what to vary; {more}"),
+        "cell": tables.cell_schema(),
     }
-    root: dict[str, Any] = {"type": "object", "additionalProperties": False, "properties": {}}
-    for key in KEYS:
-        if key.kind == "choice":
-            rule: dict[str, Any] = {"enum": list(key.known)}
-        elif key.kind == "choices":
-            rule = {"type": "array", "items": {"enum": list(key.known)}, "minItems": 1}
-        else:
-            rule = dict(kinds[key.kind])
-        limits = (("minimum", key.low), ("maximum", key.high), ("exclusiveMinimum", key.above))
-        for word, limit in (*limits, ("exclusiveMaximum", key.below)):
-            if limit is not None:
-                rule[word] = limit
-        inside = root
-        *sections, last = key.name.split(".")
-        for name in sections:
-            if name == "NAME":
-                inside = inside.setdefault("additionalProperties", {"type": "object"})
-            else:
-                inside = inside["properties"][name]
-            inside.setdefault("properties", {})
-            if name != "parts":
-                inside["additionalProperties"] = False
-        inside.setdefault("properties", {})[last] = {"description": _describe(key), **rule}
-    parts = root["properties"]["parts"]
-    parts.pop("properties", None)
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "mocca-robot configuration",
-        "description": "A YAML file that says what to design; reading it checks more than this schema can say.",
-        **root,
-    }
-
-
-def _describe(key: Any) -> str:
-    return f"{key.description} Unit: {key.unit}." if key.unit else str(key.description)
+    return {f"schemas/{name}.schema.json": tables.text(data) for name, data in found.items()}
 
 
 def api_page() -> str:
@@ -350,14 +313,6 @@ def _escaped(text: str) -> str:
 
 def _cell(text: str) -> str:
     return _paragraph(text).replace("|", "\\|").replace("<", "&lt;")
-
-
-def _plain(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_plain(v) for v in value) + "]"
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def main() -> int:

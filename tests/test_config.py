@@ -14,6 +14,7 @@ from mocca_robot.contacts import find_contacts, require_sound
 from mocca_robot.errors import InputError
 from mocca_robot.files import schema
 from mocca_robot.files.config import CutOptions, JointOptions, SimulationOptions, load
+from mocca_robot.files.keys import options, read_section, section
 
 SVG = (
     '<svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="100mm" viewBox="0 0 100 100">'
@@ -108,11 +109,11 @@ def test_arguments_win_over_the_file_and_every_value_says_where_it_comes_from(fo
 
 def test_the_table_of_keys_is_complete_and_its_defaults_are_the_real_ones(folder: Path) -> None:
     for prefix, kind in (("joints", JointOptions), ("simulate", SimulationOptions), ("cut", CutOptions)):
-        keys = schema.section(prefix)
+        keys = section(schema.KEYS, prefix)
         names = {re.sub("_deg$", "_rad", n) for n in keys}
         assert names == {f.name for f in dataclasses.fields(kind)}
         written = {n: list(k.default) if isinstance(k.default, tuple) else k.default for n, k in keys.items()}
-        read = schema.options(kind, schema.read_section(written, prefix, "table", 1.0))
+        read = options(kind, read_section(schema.KEYS, written, prefix, "table", 1.0))
         for f in dataclasses.fields(kind):
             assert getattr(read, f.name) == pytest.approx(getattr(kind(), f.name)), f.name
     for key in schema.KEYS:

@@ -25,6 +25,8 @@ from mocca_robot.files.assembly_json import write_assembly
 from mocca_robot.files.config import load
 from mocca_robot.files.schema import KEYS
 from mocca_robot.ur.plan import document
+from planners.robot.cell_keys import CELL_KEYS, GRIPPER_KEYS, LIMIT_KEYS
+from sim.studies.study import STUDY_KEYS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -197,6 +199,36 @@ def test_configurations_and_their_assemblies_fit_their_schemas(path: Path, tmp_p
     schema("config").validate(yaml.safe_load(path.read_text(encoding="utf-8")))
     written = write_assembly(load(path).assembly, tmp_path / "assembly.json")
     schema("assembly").validate(json.loads(written.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        *((p, "cell") for p in sorted((ROOT / "configs" / "cells").glob("*.yaml"))),
+        *((p, "study-file") for p in sorted((ROOT / "configs" / "studies").glob("*.yaml"))),
+    ],
+    ids=lambda v: v.stem if isinstance(v, Path) else str(v),
+)
+def test_shipped_files_fit_their_schemas_and_a_misspelt_key_fits_none(path: Path, name: str) -> None:
+    data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    schema(name).validate(data)
+    for place in (data, *(v for v in data.values() if isinstance(v, dict) and v)):
+        key = next(k for k in place if isinstance(place[k], list | dict | str | int | float))
+        place[f"{key}x"] = place[key]
+        assert list(schema(name).iter_errors(data)), f"{key}x"
+        del place[f"{key}x"]
+        if name == "study-file" and "generator.door_deg" in data.get("set", {}):
+            break  # which keys a generator has, only it knows
+
+
+def test_every_yaml_key_of_the_docs_is_in_its_table() -> None:
+    for page, keys in (("cells.md", [*CELL_KEYS, *LIMIT_KEYS, *GRIPPER_KEYS["parallel"], *GRIPPER_KEYS["suction"]]),):
+        text = (DOCS / page).read_text(encoding="utf-8")
+        for key in keys:
+            assert key.description.endswith(".") and f"| `{key.name}` |" in text, key.name
+    studies = (DOCS / "studies.md").read_text(encoding="utf-8")
+    for key in STUDY_KEYS:
+        assert f"| `{key.name}` |" in studies, key.name
 
 
 def test_designs_and_simulations_fit_their_schemas(tmp_path: Path) -> None:

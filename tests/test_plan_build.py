@@ -188,7 +188,7 @@ def test_grasps_lie_inside_the_part_across_its_thickness() -> None:
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        ("robot: ur5", "Unknown robot model 'ur5'"),
+        ("robot: ur5", "robot is 'ur5'; did you mean"),
         ("table_m: [[0, 0, 0], [1, 1, -1]]", "low corner must lie below"),
         ("homes: 1", "unknown key 'homes'"),
         ("limits: {transfer_speed_m_s: 3}", "transfer_speed_m_s"),

@@ -182,7 +182,7 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
         ('<path id="flat" d="M0 0L10 0L5 0Z"/>', "'flat'.*no area"),
         ('<path id="far" d="M0 0h9v9h-9z M20 0h9v9h-9z"/>', "'far'.*separate pieces"),
         ('<path id="off" d="M0 0h9v9h-9z M8 3h4v2h-4z"/>', "'off'.*hole"),
-        ('<rect id="a" width="3" height="2"/><rect id="a" width="3" height="2"/>', "two paths have the id 'a'"),
+        ('<rect id="a" width="3" height="2"/><rect id="a" width="3" height="2"/>', "two parts have the name 'a'"),
         ('<path id="cut" d="M0 0L10 0L10"/>', "'cut'"),
         ('<path id="odd" d="drop table"/>', "'odd'.*no SVG path"),
         ('<path id="nan" d="M0 0L nan 3 L 3 3Z"/>', "'nan'"),
@@ -216,3 +216,32 @@ def test_clones_of_clones_do_not_explode(tmp_path: Path) -> None:
         layers += f'<g id="l{k}"><use href="#l{k - 1}"/><use href="#l{k - 1}"/></g>'
     with pytest.raises(InputError, match="simplify"):
         read_svg(drawing(tmp_path, layers))
+
+
+def test_arcs_are_the_ellipse_they_are_written_as(tmp_path: Path) -> None:
+    path = drawing(tmp_path, '<path id="lens" d="M 60 50 A 40 20 30 1 1 140 60 A 40 20 30 1 1 60 50 Z"/>')
+    corners = parts(read_svg(path))["lens"].exterior * 1e3 * [1, -1]
+    turn = np.deg2rad(30)
+    local = (corners - [100, 55]) @ [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]] / [40, 20]
+    scale = np.linalg.norm(local, axis=1).max()  # the two ends lie too far apart for these radii: SVG enlarges them
+    assert scale > 1 and np.linalg.norm(local, axis=1) / scale == pytest.approx(np.ones(len(local)), abs=1e-5)
+    assert len(corners) > 20
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("A 1 1 0 1 1 2 0 A 1 1 0 1 1 0 0 " * 6000, "12,000 arcs; at most 10,000"),
+        ("L 9 0 L 0 0 " * 600, "on top of each other, at .*at most 500"),
+        ("l 0.001 0.01 l 0.001 -0.01 " * 51_000, "more than 100,000 lines and curves"),
+    ],
+    ids=["arcs", "copies", "lines"],
+)
+def test_drawings_that_would_take_minutes_are_refused_with_the_limit(tmp_path: Path, body: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        read_svg(drawing(tmp_path, f'<path id="p" d="M 0 0 {body} L 100 0 L 100 100 Z"/>'))
+
+
+def test_corners_drawn_many_times_in_one_place_are_one_corner(tmp_path: Path) -> None:
+    path = drawing(tmp_path, f'<path id="a" d="M 10 5 {"L 10 5 " * 5000} h 20 v 15 h -20 z"/>')
+    assert len(parts(read_svg(path))["a"].exterior) == 4

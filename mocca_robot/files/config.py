@@ -15,8 +15,10 @@ from mocca_robot.files import fields, schema
 from mocca_robot.files.assembly_json import gravity_from_data, in_sequence
 from mocca_robot.files.documents import MAX_YAML_BYTES, existing_path, parse_yaml, read_text, yaml_key_lines
 from mocca_robot.files.goals import goals_from_data
+from mocca_robot.files.keys import options, read_section, section
 from mocca_robot.files.model import Model, generated, read_model
 from mocca_robot.files.schema import CutOptions, SimulationOptions
+from mocca_robot.files.versions import CONFIG
 from mocca_robot.joints.options import JointOptions
 
 __all__ = ["Config", "CutOptions", "EffectiveValue", "JointOptions", "SimulationOptions", "load"]
@@ -83,13 +85,14 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
     where = f"'{path}'"
     data: dict[str, Any] = {}
     lines: dict[tuple[str, ...], int] = {}
+    said: tuple[str, ...] = ()
     if path.suffix.lower() in (".yaml", ".yml"):
         text = read_text(path, MAX_YAML_BYTES)
         content = parse_yaml(text, where)
         lines = yaml_key_lines(text)
         if content is None:
             raise InputError(f"{where} holds nothing but comments; it needs at least 'model: FILE'.")
-        data = fields.mapping(content, where)
+        data, said = CONFIG.current(fields.mapping(content, where), where)
     else:
         existing_path(path)
         data = {"model": path.name or "."}
@@ -106,10 +109,10 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
     unit_m = fields.UNITS_M[unit] if "units" in given else model.unit_m
     given = _top_level(written, where, unit_m)
     assembly = _assembly(model, given, where, unit_m)
-    simulate = schema.read_section(given.get("simulate", {}), "simulate", where, unit_m)
+    simulate = read_section(schema.KEYS, given.get("simulate", {}), "simulate", where, unit_m)
     simulate.setdefault("friction", given.get("friction", 0.0))
-    joints = schema.read_section(given.get("joints", {}), "joints", where, unit_m)
-    cut = schema.read_section(given.get("cut", {}), "cut", where, unit_m)
+    joints = read_section(schema.KEYS, given.get("joints", {}), "joints", where, unit_m)
+    cut = read_section(schema.KEYS, given.get("cut", {}), "cut", where, unit_m)
     return Config(
         assembly=assembly,
         source=path,
@@ -117,18 +120,19 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
         unit_m=unit_m,
         friction=given.get("friction", 0.0),
         insertion=_insertion(model, given.get("insertion", {}), assembly, f"{where}: insertion"),
-        joints=schema.options(JointOptions, joints),
-        simulate=schema.options(SimulationOptions, simulate),
-        cut=schema.options(CutOptions, cut),
-        notes=model.notes + _suspicions(assembly),
+        joints=options(JointOptions, joints),
+        simulate=options(SimulationOptions, simulate),
+        cut=options(CutOptions, cut),
+        notes=said + model.notes + _suspicions(assembly),
         values=_effective(data, lines, arguments or {}, model),
     )
 
 
 def _top_level(written: Mapping[str, Any], where: str, unit_m: float) -> dict[str, Any]:
     """Return the top-level values; a key that is there but empty counts as absent, except alpha_deg: null."""
-    return schema.read_section(
-        {k: v for k, v in written.items() if v is not None or k == "alpha_deg" or k not in schema.section("")},
+    return read_section(
+        schema.KEYS,
+        {k: v for k, v in written.items() if v is not None or k == "alpha_deg" or k not in section(schema.KEYS, "")},
         "",
         where,
         unit_m,
@@ -181,7 +185,7 @@ def _parts(parts: tuple[Part, ...], given: Mapping[str, Any], where: str, unit_m
     single: dict[str, dict[str, Any]] = {}
     for key, data in given.get("parts", {}).items():
         name = fields.known_name(fields.part_name(key, f"{where}: parts"), known, f"{where}: parts")
-        single[name] = schema.read_section(data, "parts.NAME", f"{where}: part '{name}'", unit_m)
+        single[name] = read_section(schema.KEYS, data, "parts.NAME", f"{where}: part '{name}'", unit_m)
     found = []
     for part in parts:
         mine = single.get(part.name, {})

@@ -28,6 +28,12 @@ MAX_PIECES = 256
 """Straight pieces of one curve; only reached by control points far outside the drawing."""
 
 
+def copies_of(curves: Array, size: float) -> Array:
+    """Return how many of the curves (N, 4, 2) are the same as each one, itself included, (N,)."""
+    forward = curves.reshape(len(curves), 8)
+    return np.asarray(KDTree(forward).query_ball_point(forward, SAME * size, return_length=True))
+
+
 def flattened(curves: Array, size: float) -> list[Array]:
     """Return one (n, 2) polyline per cubic Bézier curve (N, 4, 2), both end points included, exactly its own.
 
@@ -136,3 +142,17 @@ def elevated(points: Sequence[tuple[float, float]]) -> Array:
     if len(p) == 3:
         return np.array([p[0], p[0] + 2 * (p[1] - p[0]) / 3, p[2] + 2 * (p[1] - p[2]) / 3, p[2]])
     return p
+
+
+def elliptic_arc(center: Array, u: Array, v: Array, start: float, sweep: float) -> Array:
+    """Return cubics (n, 4, 2) of the arc c + cos t·u + sin t·v, t from `start` over `sweep` (radians, signed).
+
+    Each spans at most 30°: 4e-7 of the radius off, and the reversed arc has the same ones.
+    """
+    pieces = max(1, int(np.ceil(abs(sweep) / (np.pi / 6) - 1e-6)))
+    t = start + np.arange(pieces + 1) * (sweep / pieces)
+    step = sweep / pieces
+    leg = np.sin(step) * (np.sqrt(4.0 + 3.0 * np.tan(step / 2.0) ** 2) - 1.0) / 3.0
+    cos, sin = np.cos(t)[:, None], np.sin(t)[:, None]
+    at, along = center + cos * u + sin * v, leg * (cos * v - sin * u)
+    return np.stack([at[:-1], at[:-1] + along[:-1], at[1:] - along[1:], at[1:]], axis=1)

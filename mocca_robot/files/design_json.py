@@ -25,7 +25,7 @@ from mocca_robot.files.assembly_json import (
 from mocca_robot.files.documents import parse_json, read_text
 from mocca_robot.files.goals import degrees
 from mocca_robot.files.output import writable_folder, write_json
-from mocca_robot.files.versions import DESIGN
+from mocca_robot.files.versions import ASSEMBLY, DESIGN
 
 KEYS = (
     *("format", "version", "units", "dimension", "name", "gravity", "parts", "sequence", "insertion", "joints"),
@@ -160,6 +160,8 @@ def read_design(path: str | Path) -> StoredDesign:
     source = None
     if data.get("source") is not None:
         block = fields.mapping(data["source"], f"{where}: source")
+        block, said = ASSEMBLY.current({"format": ASSEMBLY.name, **block}, f"{where}: source")
+        notes.extend(said)
         source = assembly_from_data(block, f"{where}: source", file.parent).assembly
     insertion = _insertions(data.get("insertion", []), dimension, [p.name for p in parts], f"{where}: insertion")
     gravity = gravity_from_data(data["gravity"], dimension, f"{where}: gravity") if "gravity" in data else np.zeros(0)

@@ -171,3 +171,13 @@ def direction(value: object, where: str, sizes: Sequence[int] = (2, 3)) -> Array
     if not 1e-12 < norm < 1e12:
         raise InputError(f"{where} is {shown(value)}; a direction needs a usable length, for example [0, -1].")
     return raw if abs(norm - 1.0) < 1e-15 else read_only(raw / norm)
+
+
+def box(value: object, where: str, size: int) -> Array:
+    """Return the (2, size) corners of a box, low and high; raises InputError with what is wrong about them."""
+    if not isinstance(value, list) or len(value) != 2:
+        raise InputError(f"{where} must be two corners, [low, high], not {shown(value)}.")
+    low, high = (vector(v, f"{where}[{k}]", (size,)) for k, v in enumerate(value))
+    if not (low < high).all():
+        raise InputError(f"{where} is {shown(value)}; the low corner must lie below the high one on every axis.")
+    return read_only([low, high])

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from mocca_robot.assembly import DEFAULT_DENSITY, DEFAULT_THICKNESS, STANDARD_GRAVITY
-from mocca_robot.errors import InputError
 from mocca_robot.files import fields as checks
+from mocca_robot.files.keys import Key
 from mocca_robot.joints.options import JointOptions
 
 JOINT_KINDS = ("n", "z")
@@ -54,65 +52,6 @@ class CutOptions:
     labels: bool = True
 
 
-@dataclass(frozen=True)
-class Key:
-    """One configuration key.
-
-    Attributes:
-        name: with its section: 'alpha_deg', 'joints.margin'; 'parts.NAME.density' stands for every part.
-        kind: what a value looks like: number, integer, degrees, length, boolean, name, names, text, choice,
-            choices, vector, goals, pairs, mapping.
-        default: as one would write it; None = not set.
-        unit: of the written value; 'units' = the configuration's own.
-        description: one sentence.
-        low, high: smallest and largest value (included).
-        above, below: limits that are not included.
-        known: the texts that a choice knows.
-    """
-
-    name: str
-    kind: str
-    default: Any
-    unit: str
-    description: str
-    low: float | None = None
-    high: float | None = None
-    above: float | None = None
-    below: float | None = None
-    known: tuple[str, ...] = field(default=())
-
-    def value(self, data: object, where: str, unit_m: float) -> Any:
-        """Return `data` as this key's value in SI units; raises InputError when it is none."""
-        limits = {"low": self.low, "high": self.high, "above": self.above, "below": self.below}
-        if self.kind == "number":
-            return checks.number(data, where, **limits)
-        if self.kind == "degrees":
-            return None if data is None else float(np.deg2rad(checks.number(data, where, **limits)))
-        if self.kind == "integer":
-            return checks.integer(data, where, int(self.low or 0), int(self.high or 10**6))
-        if self.kind == "length":
-            metres = {"mm": 1e-3}.get(self.unit, unit_m)
-            return checks.length(data, metres, where, self.low, above=self.above)
-        if self.kind == "boolean":
-            return checks.boolean(data, where)
-        if self.kind == "name":
-            return checks.part_name(data, where)
-        if self.kind == "text":
-            return checks.text(data, where)
-        if self.kind == "names":
-            return checks.names(data, where)
-        if self.kind == "choice":
-            return checks.choice(data, self.known, where)
-        if self.kind == "choices":
-            listed = data if isinstance(data, list) else [data]
-            if not listed:
-                raise InputError(f"{where} is an empty list; name at least one of {', '.join(self.known)}.")
-            return tuple(checks.choice(v, self.known, where) for v in listed)
-        if self.kind == "mapping":
-            return checks.mapping(data, where)
-        return data  # goals and gravity: read where the model's dimension is known
-
-
 _J, _S, _C = JointOptions(), SimulationOptions(), CutOptions()
 
 
@@ -121,6 +60,7 @@ def _degrees(angle_rad: float) -> float:
 
 
 KEYS: tuple[Key, ...] = (
+    Key("version", "integer", 1, "", "Version of the file's format; 1 need not be written.", low=1),
     Key("name", "name", None, "", "Name of the assembly, used for files and reports; default: the file's name."),
     Key(
         "model",
@@ -326,30 +266,3 @@ KEYS: tuple[Key, ...] = (
     Key("cut.labels", "boolean", _C.labels, "", "Whether the parts' names are engraved."),
 )
 """The table: one row per key, in the order of the documentation."""
-
-
-def section(prefix: str) -> dict[str, Key]:
-    """Return the keys of one section ('' = top level, 'joints', 'parts.NAME', …) by their last name."""
-    start = f"{prefix}." if prefix else ""
-    inside = [(k.name[len(start) :], k) for k in KEYS if k.name.startswith(start)]
-    return {name: key for name, key in inside if "." not in name}
-
-
-def read_section(data: object, prefix: str, where: str, unit_m: float) -> dict[str, Any]:
-    """Return the values of one section in SI units, only those that `data` gives.
-
-    Raises InputError for an unknown key, with the nearest known one, and for every value outside its limits.
-    """
-    known = section(prefix)
-    single = prefix.endswith(".NAME")  # `where` names the part already
-    given = checks.mapping(data, where if single or not prefix else f"{where}: {prefix}", known)
-    return {
-        name: known[name].value(value, f"{where}: {name if single else known[name].name}", unit_m)
-        for name, value in given.items()
-    }
-
-
-def options(kind: type[Any], values: Mapping[str, Any]) -> Any:
-    """Return the options dataclass `kind` from a section's values; 'x_deg' fills the field 'x_rad'."""
-    renamed = {name[:-4] + "_rad" if name.endswith("_deg") else name: value for name, value in values.items()}
-    return kind(**{f.name: renamed[f.name] for f in fields(kind) if f.name in renamed})

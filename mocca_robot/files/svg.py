@@ -4,54 +4,22 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import shapely
 
-from mocca_robot.assembly import DEFAULT_THICKNESS, Array, Polygon, signed_area
+from mocca_robot.assembly import DEFAULT_THICKNESS, Array
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
-from mocca_robot.files.curves import conformed, elevated, flattened
+from mocca_robot.files.curves import elevated, elliptic_arc
 from mocca_robot.files.documents import read_text
-from mocca_robot.files.rings import checked_polygon
+from mocca_robot.files.drawing import LARGEST, Drawing, Shape, Subpath, add_chain, polygons, require_few
 from mocca_robot.files.svg_tree import Outline, outlines, parse_length, parse_xml
 
 MAX_SVG_BYTES = 16 * 1024 * 1024
-LARGEST = 1e12
-"""Of a coordinate, in drawing units."""
-MAX_CURVES = 100_000
 MAX_PATH_DATA = 2_000_000
-CLOSED = 1e-6
-"""Paths whose ends are closer than this share of the drawing are closed: editors round to about six digits."""
-
-
-@dataclass(frozen=True, eq=False)
-class Drawing:
-    """What an SVG holds.
-
-    Attributes:
-        parts: (name, polygon) in document order.
-        unit: unit of the numbers in the drawing ('mm', …; 'drawing unit' when its viewBox scales freely).
-        unit_m: metres per drawing unit.
-        notes: what was left out.
-    """
-
-    parts: tuple[tuple[str, Polygon], ...]
-    unit: str
-    unit_m: float
-    notes: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _Subpath:
-    """A chain of cubic curves (n, 4, 2) in drawing coordinates, and whether the path says that it is closed."""
-
-    curves: Array
-    closed: bool
+MAX_ARCS = 10_000
 
 
 def read_svg(path: Path, units: str | None = None, scale: float = 1.0, thickness: float = DEFAULT_THICKNESS) -> Drawing:
@@ -67,29 +35,29 @@ def read_svg(path: Path, units: str | None = None, scale: float = 1.0, thickness
     root = parse_xml(read_text(path, MAX_SVG_BYTES), where)
     unit, unit_m = _drawing_unit(root, units, where)
     shapes, notes = outlines(root, where)
-    _require_names(shapes, where)
     factor = unit_m * scale
     if (written := sum(len(s.path) for s in shapes)) > MAX_PATH_DATA:
         raise InputError(
             f"{where} has {written:,} characters of path data; at most {MAX_PATH_DATA:,} are read. Simplify its paths."
         )
-    subpaths = [_subpaths(shape) for shape in shapes]
-    polylines = _flattened(subpaths)
-    parts = []
-    for shape, mine, lines in zip(shapes, subpaths, polylines):
-        parts.append((shape.name, _part(shape.name, mine, lines, factor, unit, thickness)))
-    if not parts:
-        raise InputError(f"{where} holds no visible closed path; draw one closed path per part.")
-    return Drawing(tuple(parts), unit, factor, notes)
-
-
-def _require_names(shapes: list[Outline], where: str) -> None:
-    seen: set[str] = set()
+    _require_few_arcs(shapes, where)
+    found, curves = [], 0
     for shape in shapes:
-        fields.part_name(shape.name, f"{where}: an id")
-        if shape.name in seen:
-            raise InputError(f"{where}: two paths have the id '{shape.name}'; give every part its own id.")
-        seen.add(shape.name)
+        found.append(Shape(shape.name, tuple(_subpaths(shape))))
+        curves += sum(len(p.curves) for p in found[-1].subpaths)
+        require_few(curves, where)
+    parts = polygons(found, where, factor, unit, thickness, y_up=False)
+    return Drawing(parts, unit, factor, notes)
+
+
+def _require_few_arcs(shapes: list[Outline], where: str) -> None:
+    """Raise InputError before parsing what takes minutes; where flags are written without spaces, a few more pass."""
+    runs = (run for s in shapes for run in re.findall(r"[Aa]([^MmZzLlHhVvCcSsQqTtAa]*)", s.path))
+    arcs = sum(len(re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", run)) // 7 for run in runs)
+    if arcs > MAX_ARCS:
+        raise InputError(
+            f"{where} has {arcs:,} arcs; at most {MAX_ARCS:,} are read. Simplify its paths, or split the drawing."
+        )
 
 
 def _drawing_unit(root: ET.Element, declared: str | None, where: str) -> tuple[str, float]:
@@ -141,7 +109,7 @@ def _physical_unit_m(root: ET.Element, where: str) -> float | None:
     return min(units)
 
 
-def _subpaths(outline: Outline) -> list[_Subpath]:
+def _subpaths(outline: Outline) -> list[Subpath]:
     """Return the chains of one outline, transformed into drawing coordinates."""
     from svgelements import Arc, Close, Move
     from svgelements import Path as SvgPath
@@ -155,24 +123,24 @@ def _subpaths(outline: Outline) -> list[_Subpath]:
         raise InputError(
             f"Part '{outline.name}': its path data ends too early or is no SVG path; save it again."
         ) from None
-    found: list[_Subpath] = []
+    found: list[Subpath] = []
     chain: list[Array] = []
     _require_usable(segments, outline.name)
     for segment in segments:
         if isinstance(segment, Move):
-            _finish(found, chain, False)
+            add_chain(found, chain, False)
             chain = []
         elif isinstance(segment, Close):
             chain.append(elevated([_xy(segment.start), _xy(segment.end)]))
-            _finish(found, chain, True)
+            add_chain(found, chain, True)
             chain = []
         elif isinstance(segment, Arc):
             chain.extend(_arc_curves(segment))
         else:
             chain.append(elevated([_xy(p) for p in segment]))
-    _finish(found, chain, False)
+    add_chain(found, chain, False)
     linear, shift = outline.matrix[:, :2], outline.matrix[:, 2]
-    placed = [_Subpath(s.curves @ linear.T + shift, s.closed) for s in found]
+    placed = [Subpath(s.curves @ linear.T + shift, s.closed) for s in found]
     if not all((np.abs(s.curves) < LARGEST).all() for s in placed):
         raise InputError(f"Part '{outline.name}': a coordinate is beyond {LARGEST:g}; check its transforms.")
     return placed
@@ -189,72 +157,19 @@ def _require_usable(segments: list[Any], name: str) -> None:
             raise InputError(f"Part '{name}': its path closes before it begins; save it again.")
 
 
-def _finish(found: list[_Subpath], chain: list[Array], closed: bool) -> None:
-    curves = np.array(chain)
-    if len(chain) and np.ptp(curves.reshape(-1, 2), axis=0).max() > 0:
-        found.append(_Subpath(curves, closed))
-
-
 def _arc_curves(arc: Any) -> list[Array]:
-    """Return cubics of at most 30° each: 4e-7 of the radius off, and the same ones for the reversed arc."""
-    pieces = max(1, int(np.ceil(abs(arc.sweep) / (np.pi / 6) - 1e-6)))
-    curves = [np.array([_xy(p) for p in c]) for c in arc.as_cubic_curves(pieces)]
-    if not curves:
+    """Return the cubics of one arc; a straight line where its ellipse has no width."""
+    start, end, center = (np.array(_xy(p)) for p in (arc.start, arc.end, arc.center))
+    u = np.array(_xy(arc.prx)) - center
+    rx, ry = float(np.linalg.norm(u)), float(arc.ry)
+    if rx == 0.0 or ry == 0.0 or arc.sweep == 0.0:
         return [elevated([_xy(arc.start), _xy(arc.end)])]
-    curves[0][0], curves[-1][3] = _xy(arc.start), _xy(arc.end)
-    return curves
+    v = np.array([-u[1], u[0]]) * (ry / rx)
+    from_center = start - center
+    curves = elliptic_arc(center, u, v, float(np.arctan2(from_center @ v / ry**2, from_center @ u / rx**2)), arc.sweep)
+    curves[0, 0], curves[-1, 3] = start, end
+    return list(curves)
 
 
 def _xy(point: Any) -> tuple[float, float]:
     return float(point.x), float(point.y)
-
-
-def _flattened(subpaths: list[list[_Subpath]]) -> list[list[Array]]:
-    """Return for each outline one polyline (n, 2) per subpath; curves of all outlines are matched together."""
-    every = [s.curves for mine in subpaths for s in mine]
-    if not every:
-        return [[] for _ in subpaths]
-    curves = np.concatenate(every)
-    if len(curves) > MAX_CURVES:
-        raise InputError(f"The drawing has {len(curves)} lines and curves; at most {MAX_CURVES} are read. Simplify it.")
-    size = float(np.linalg.norm(np.ptp(curves[:, [0, 3]].reshape(-1, 2), axis=0)))
-    pieces = iter(conformed(curves, flattened(curves, size), size))
-    return [
-        [np.concatenate([next(pieces)[:-1] for _ in s.curves] + [s.curves[-1, 3:]]) for s in mine] for mine in subpaths
-    ]
-
-
-def _part(
-    name: str, subpaths: list[_Subpath], lines: list[Array], factor: float, unit: str, thickness: float
-) -> Polygon:
-    def spoken(point: Array) -> str:
-        return f"({point[0] / factor:.6g}, {-point[1] / factor:.6g}) {unit}"
-
-    if not lines:
-        raise InputError(f"Part '{name}': its path has no extent; draw a closed outline or delete it.")
-    size = float(np.linalg.norm(np.ptp(np.concatenate(lines), axis=0)))
-    rings = []
-    for subpath, line in zip(subpaths, lines):
-        gap = float(np.linalg.norm(line[-1] - line[0]))
-        up = line * np.array([factor, -factor])
-        if not subpath.closed and gap > CLOSED * size:
-            raise InputError(
-                f"Part '{name}': its path is open, from {spoken(up[0])} to {spoken(up[-1])} ({gap:.4g} {unit} apart); "
-                "close it in the editor."
-            )
-        keep = np.linalg.norm(np.diff(line, axis=0), axis=1) > 1e-9 * size
-        ring = up[:-1][keep]
-        rings.append(ring)
-    rings.sort(key=lambda r: -abs(signed_area(r)) if len(r) else 0.0)
-    _require_one_piece(name, rings, spoken)
-    return checked_polygon(name, rings, thickness, spoken)
-
-
-def _require_one_piece(name: str, rings: list[Array], spoken: Callable[[Array], str]) -> None:
-    sound = [shapely.Polygon(r) for r in rings if len(r) >= 3]
-    for ring, shape in zip(rings[1:], sound[1:]):
-        if sound[0].is_valid and shape.is_valid and sound[0].disjoint(shape):
-            raise InputError(
-                f"Part '{name}' consists of separate pieces, at {spoken(rings[0][0])} and {spoken(ring[0])}; "
-                "break the path apart: one closed path per part."
-            )

@@ -65,8 +65,8 @@ class Limits:
             cap = getattr(HARD_CAPS, name)
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise InputError(f"Limit '{name}' is {value!r}; give a finite number of at most {cap:g}.")
-            floor = _FLOORS.get(name, 0.0)
-            if name in RAISE_IS_SAFER:
+            floor, ceiling = bounds(name)
+            if ceiling is None:
                 if value < cap:
                     raise InputError(
                         f"Limit '{name}' is {value:g}; below {cap:g} would be less safe, give at least that."
@@ -112,3 +112,9 @@ _FLOORS = MappingProxyType(
     }
 )
 """Below these a figure is a typing mistake (or stops every motion): refused rather than obeyed."""
+
+
+def bounds(name: str) -> tuple[float, float | None]:
+    """Return the smallest and the largest value that configuration may give one limit; None = as large as it likes."""
+    cap = getattr(HARD_CAPS, name)
+    return (cap, None) if name in RAISE_IS_SAFER else (_FLOORS.get(name, 0.0), cap)

@@ -13,13 +13,14 @@ import numpy as np
 
 from mocca_robot.assembly import Array, Assembly, read_only
 from mocca_robot.content_hash import assembly_hash, content_hash
+from mocca_robot.errors import InputError
 from mocca_robot.files.output import write_json
+from mocca_robot.files.versions import PROGRESS
 from mocca_robot.joints.options import JointOptions
 from planners.cone_joints.descent import Descent, Parameters
 from planners.cone_joints.realization import Polished, Polishing
 from planners.cone_joints.search import SearchState, Stage
 
-FORMAT = "mocca-robot/design-progress"
 METHOD = 1
 """Raise it when designing takes another course: states kept from before are not gone on with then."""
 SAVE_EVERY = 5.0
@@ -46,11 +47,12 @@ def read_checkpoint(path: Path, identity: str) -> Found:
         return Found(None)
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-        if data["format"] != FORMAT:
-            raise KeyError(data["format"])
+        data, _ = PROGRESS.current(data, f"'{path.name}'")
         if data["identity"] != identity:
             return Found(None, "it was made from another input or with other options")
         return Found(_state(data["state"]))
+    except InputError as error:
+        return Found(None, str(error).rstrip("."))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         return Found(None, f"it cannot be read ({type(error).__name__}: {error})")
 
@@ -76,7 +78,13 @@ class Checkpoint:
         if self._state is None:
             return None
         self._saved = time.monotonic()
-        return write_json(self.path, {"format": FORMAT, "identity": self._identity, "state": _data(self._state)})
+        data = {
+            "format": PROGRESS.name,
+            "version": PROGRESS.version,
+            "identity": self._identity,
+            "state": _data(self._state),
+        }
+        return write_json(self.path, data)
 
     def forget(self) -> None:
         """Remove the file: the design is finished and judged."""

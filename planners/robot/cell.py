@@ -12,12 +12,15 @@ import numpy as np
 from mocca_robot.assembly import Array, read_only
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
-from mocca_robot.files.documents import parse_yaml, read_text
+from mocca_robot.files.documents import MAX_YAML_BYTES, parse_yaml, read_text
+from mocca_robot.files.keys import read_whole
+from mocca_robot.files.versions import CELL
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.models import RobotModel, robot_model
 from mocca_robot.ur.plan import Cell, Plan
 from mocca_robot.ur.pose import three
-from planners.robot.tool import Gripper, SuctionGripper, box, needed, read_gripper
+from planners.robot.cell_keys import CELL_KEYS, EXAMPLE
+from planners.robot.tool import Gripper, SuctionGripper, read_gripper
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +105,6 @@ class RobotCell:
         )
 
 
-_KEYS = ("name", "serial", "robot", "gripper", "table_m", "workspace_m", "build", "tray", "home_deg", "limits")
-_BUILD_KEYS = ("origin_m", "yaw_deg", "size_m", "thickness_m", "supports")
 AUTO_YAWS = 12
 """Turns of the structure that `yaw_deg: auto` chooses from."""
 
@@ -111,7 +112,7 @@ AUTO_YAWS = 12
 def read_cell(path: Path | str) -> RobotCell:
     """Return the cell that a YAML file describes; InputError names the key, its value and what it has to be."""
     path = Path(path)
-    return cell_from_document(parse_yaml(read_text(path), str(path)), str(path))
+    return cell_from_document(parse_yaml(read_text(path, MAX_YAML_BYTES), str(path)), str(path))
 
 
 def cell_of(plan: Plan) -> RobotCell:
@@ -124,32 +125,32 @@ def cell_of(plan: Plan) -> RobotCell:
 
 def cell_from_document(content: object, where: str) -> RobotCell:
     """Return the cell that a parsed file describes; `where` names it in errors."""
-    raw = fields.mapping(content, where, _KEYS)
-    build = fields.mapping(needed(raw, "build", where), f"{where}: build", _BUILD_KEYS)
-    tray = fields.mapping(needed(raw, "tray", where), f"{where}: tray", ("low_m", "high_m", "nest_m", "gap_m", "parts"))
-    model = robot_model(str(needed(raw, "robot", where)))
-    places = _places(needed(build, "origin_m", where), f"{where}: build.origin_m")
-    yaws = _yaws(build.get("yaw_deg", 0.0), f"{where}: build.yaw_deg")
+    raw, _ = CELL.current(fields.mapping(content, where), where)
+    top = read_whole(CELL_KEYS, raw, "", where, EXAMPLE)
+    build = read_whole(CELL_KEYS, top["build"], "build", f"{where}: build", EXAMPLE)
+    tray = read_whole(CELL_KEYS, top["tray"], "tray", f"{where}: tray", EXAMPLE)
+    places = _places(build["origin_m"], f"{where}: build.origin_m")
+    yaws = _yaws(build["yaw_deg"], f"{where}: build.yaw_deg")
     return RobotCell(
-        name=fields.part_name(needed(raw, "name", where), f"{where}: name"),
-        serial=fields.part_name(raw["serial"], f"{where}: serial") if raw.get("serial") is not None else None,
-        model=model,
-        gripper=read_gripper(needed(raw, "gripper", where), f"{where}: gripper"),
-        table_m=box(needed(raw, "table_m", where), f"{where}: table_m", 3),
-        workspace_m=box(needed(raw, "workspace_m", where), f"{where}: workspace_m", 3),
+        name=top["name"],
+        serial=top["serial"],
+        model=robot_model(top["robot"]),
+        gripper=read_gripper(top["gripper"], f"{where}: gripper"),
+        table_m=top["table_m"],
+        workspace_m=top["workspace_m"],
         build_origin_m=places[0],
         build_yaw_rad=yaws[0],
         places_m=places,
         yaws_rad=yaws,
-        build_size_m=_optional(build, "size_m", f"{where}: build"),
-        thickness_m=_optional(build, "thickness_m", f"{where}: build"),
-        supports=fields.names(build["supports"], f"{where}: build.supports") if build.get("supports") else (),
-        tray_m=box([needed(tray, "low_m", where), needed(tray, "high_m", where)], f"{where}: tray", 2),
-        nest_m=fields.number(tray.get("nest_m", 0.015), f"{where}: tray.nest_m", 0.0, 0.2),
-        gap_m=fields.number(tray.get("gap_m", 0.045), f"{where}: tray.gap_m", 0.0, 1.0),
-        tray_places=_tray_places(tray.get("parts") or {}, f"{where}: tray.parts"),
-        home=read_only(np.deg2rad(fields.vector(needed(raw, "home_deg", where), f"{where}: home_deg", (6,)))),
-        limits=Limits().lowered(fields.mapping(raw.get("limits", {}), f"{where}: limits")),
+        build_size_m=build["size_m"],
+        thickness_m=build["thickness_m"],
+        supports=build["supports"] or (),
+        tray_m=fields.box([tray["low_m"].tolist(), tray["high_m"].tolist()], f"{where}: tray", 2),
+        nest_m=tray["nest_m"],
+        gap_m=tray["gap_m"],
+        tray_places=_tray_places(tray["parts"] or {}, f"{where}: tray.parts"),
+        home=read_only(np.deg2rad(top["home_deg"])),
+        limits=Limits().lowered(top["limits"]),
         document=raw,
     )
 
@@ -171,16 +172,11 @@ def _tray_places(value: object, where: str) -> dict[str, TrayPlace]:
     out = {}
     for name, entry in fields.mapping(value, where).items():
         here = f"{where}.{name}"
-        raw = fields.mapping(entry, here, ("at_m", "yaw_deg", "turn_deg"))
-        turn = np.deg2rad(fields.vector(raw.get("turn_deg", [0, 0, 0]), f"{here}.turn_deg", (3,)))
-        if raw.get("yaw_deg") is not None:
-            if raw.get("turn_deg") is not None:
+        raw = read_whole(CELL_KEYS, entry, "tray.parts.NAME", here, EXAMPLE)
+        turn = np.zeros(3) if raw["turn_deg"] is None else np.deg2rad(raw["turn_deg"])
+        if raw["yaw_deg"] is not None:
+            if raw["turn_deg"] is not None:
                 raise InputError(f"{here} has 'yaw_deg' and 'turn_deg'; give one: a yaw is a turn about [0, 0, 1].")
-            turn = np.array([0.0, 0.0, np.deg2rad(fields.number(raw["yaw_deg"], f"{here}.yaw_deg"))])
-        at = fields.vector(needed(raw, "at_m", here), f"{here}.at_m", (2,))
-        out[fields.part_name(name, where)] = TrayPlace(read_only(at), read_only(turn))
+            turn = np.array([0.0, 0.0, np.deg2rad(raw["yaw_deg"])])
+        out[fields.part_name(name, where)] = TrayPlace(raw["at_m"], read_only(turn))
     return out
-
-
-def _optional(raw: dict[str, Any], key: str, where: str) -> float | None:
-    return None if raw.get(key) is None else fields.number(raw[key], f"{where}.{key}", above=0.0, high=10.0)

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array, read_only
+from mocca_robot.assembly import Array
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
-from mocca_robot.ur.plan_reader import GRIPPERS
+from mocca_robot.files.keys import read_whole
 from mocca_robot.ur.pose import Six, six, three
-from mocca_robot.ur.wiring import DEFAULT_WAIT_S, SIGNALS, WAIT_S, VacuumWiring
+from mocca_robot.ur.wiring import VacuumWiring
+from planners.robot.cell_keys import EXAMPLE, GRIPPER_KEYS
 
 GRAVITY = 9.81
 SAFETY = 2.0
@@ -112,70 +113,54 @@ class SuctionGripper:
 
 Gripper = ParallelGripper | SuctionGripper
 
-_SHARED = ("kind", "name", "tcp_offset_m", "mass_kg", "cog_m", "palm_m", "friction")
-_WIRING = ("vacuum_output", "vacuum_input", "vacuum_wait_s")
-_KEYS = {
-    "parallel": (*_SHARED, "stroke_m", "finger_m", "pad_radius_m", "opening_m", "force_n"),
-    "suction": (*_SHARED, "stem_radius_m", "cup_radius_m", "bellows_m", "vacuum_kpa", *_WIRING),
-}
-
 
 def read_gripper(value: Any, where: str) -> Gripper:
     """Return the gripper of a cell file; InputError names the key, its value and what it has to be."""
     kind = "parallel"
-    if isinstance(value, dict) and "kind" in value:
-        kind = fields.choice(value["kind"], tuple(_KEYS), f"{where}.kind")
-    raw = fields.mapping(value, where, _KEYS[kind])
-    offset = fields.vector(needed(raw, "tcp_offset_m", where), f"{where}.tcp_offset_m", (3,))
-    tcp = six([*offset, 0.0, 0.0, 0.0])
-    mass = fields.number(needed(raw, "mass_kg", where), f"{where}.mass_kg", 0.0, 30.0)
-    cog = three(fields.vector(raw.get("cog_m", [0, 0, 0]), f"{where}.cog_m", (3,)))
-    palm = box(needed(raw, "palm_m", where), f"{where}.palm_m", 3)
-    friction = fields.number(raw.get("friction", 0.5), f"{where}.friction", 0.01, 2.0)
+    if isinstance(value, dict) and value.get("kind") is not None:
+        kind = fields.choice(value["kind"], tuple(GRIPPER_KEYS), f"{where}.kind")
+    raw = read_whole(GRIPPER_KEYS[kind], value, "gripper", where, EXAMPLE)
+    tcp = six([*raw["tcp_offset_m"], 0.0, 0.0, 0.0])
+    cog = three(raw["cog_m"])
     if kind == "suction":
         return SuctionGripper(
-            name=fields.choice(raw.get("name", "suction"), ("suction",), f"{where}.name"),
+            name=raw["name"],
             tcp_offset=tcp,
-            mass_kg=mass,
+            mass_kg=raw["mass_kg"],
             cog_m=cog,
-            palm_m=palm,
-            stem_radius_m=fields.number(needed(raw, "stem_radius_m", where), f"{where}.stem_radius_m", 0.001, 0.1),
-            cup_radius_m=fields.number(needed(raw, "cup_radius_m", where), f"{where}.cup_radius_m", 0.001, 0.1),
-            bellows_m=fields.number(raw.get("bellows_m", 0.0015), f"{where}.bellows_m", 1e-4, 0.02),
-            vacuum_pa=1e3 * fields.number(raw.get("vacuum_kpa", 60.0), f"{where}.vacuum_kpa", 1.0, 100.0),
-            friction=friction,
-            wiring=_wiring(raw, where),
+            palm_m=raw["palm_m"],
+            stem_radius_m=raw["stem_radius_m"],
+            cup_radius_m=raw["cup_radius_m"],
+            bellows_m=raw["bellows_m"],
+            vacuum_pa=1e3 * raw["vacuum_kpa"],
+            friction=raw["friction"],
+            wiring=_wiring(value, raw, where),
         )
-    stroke = fields.vector(needed(raw, "stroke_m", where), f"{where}.stroke_m", (2,))
+    stroke = raw["stroke_m"]
     if not 0.0 <= stroke[0] < stroke[1]:
         raise InputError(f"{where}.stroke_m is {stroke.tolist()}; give the smallest opening, then the largest.")
     return ParallelGripper(
-        name=fields.choice(raw.get("name", "2f85"), [g for g in GRIPPERS if g != "suction"], f"{where}.name"),
+        name=raw["name"],
         tcp_offset=tcp,
-        mass_kg=mass,
+        mass_kg=raw["mass_kg"],
         cog_m=cog,
         stroke_m=(float(stroke[0]), float(stroke[1])),
-        palm_m=palm,
-        finger_m=box(needed(raw, "finger_m", where), f"{where}.finger_m", 3),
-        pad_radius_m=fields.number(raw.get("pad_radius_m", 0.006), f"{where}.pad_radius_m", 0.0, 0.1),
-        opening_m=fields.number(raw.get("opening_m", 0.012), f"{where}.opening_m", 0.002, 0.1),
-        force_n=fields.number(raw.get("force_n", 20.0), f"{where}.force_n", 1.0, 235.0),
-        friction=friction,
+        palm_m=raw["palm_m"],
+        finger_m=raw["finger_m"],
+        pad_radius_m=raw["pad_radius_m"],
+        opening_m=raw["opening_m"],
+        force_n=raw["force_n"],
+        friction=raw["friction"],
     )
 
 
-def _wiring(raw: dict[str, Any], where: str) -> VacuumWiring | None:
-    if raw.get("vacuum_output") is None:
-        for key in _WIRING[1:]:
-            if raw.get(key) is not None:
+def _wiring(written: dict[str, Any], raw: dict[str, Any], where: str) -> VacuumWiring | None:
+    if raw["vacuum_output"] is None:
+        for key in ("vacuum_input", "vacuum_wait_s"):
+            if written.get(key) is not None:
                 raise InputError(f"{where}.{key} is given, but not 'vacuum_output': name the output of the valve, too.")
         return None
-    switch = raw.get("vacuum_input")
-    return VacuumWiring(
-        fields.choice(raw["vacuum_output"], SIGNALS, f"{where}.vacuum_output"),
-        None if switch is None else fields.choice(switch, SIGNALS, f"{where}.vacuum_input"),
-        fields.number(raw.get("vacuum_wait_s", DEFAULT_WAIT_S), f"{where}.vacuum_wait_s", *WAIT_S),
-    )
+    return VacuumWiring(raw["vacuum_output"], raw["vacuum_input"], raw["vacuum_wait_s"])
 
 
 def gripper_document(gripper: Gripper) -> dict[str, Any]:
@@ -214,20 +199,3 @@ def _wiring_document(wiring: VacuumWiring | None) -> dict[str, Any]:
         return {}
     switch = {} if wiring.input is None else {"vacuum_input": wiring.input}
     return {"vacuum_output": wiring.output, **switch, "vacuum_wait_s": wiring.wait_s}
-
-
-def needed(raw: dict[str, Any], key: str, where: str) -> Any:
-    """Return a value that has to be there; InputError names the key."""
-    if raw.get(key) is None:
-        raise InputError(f"{where} has no '{key}'; compare it with configs/cells/ur5e_2f85.yaml.")
-    return raw[key]
-
-
-def box(value: object, where: str, d: int) -> Array:
-    """Return the (2, d) corners of a box, low and high; InputError says what is wrong with them."""
-    if not isinstance(value, list) or len(value) != 2:
-        raise InputError(f"{where} must be two corners, [low, high], not {fields.shown(value)}.")
-    low, high = (fields.vector(v, f"{where}[{k}]", (d,)) for k, v in enumerate(value))
-    if not (low < high).all():
-        raise InputError(f"{where} is {fields.shown(value)}; the low corner must lie below the high one on every axis.")
-    return read_only([low, high])

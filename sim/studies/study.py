@@ -16,13 +16,48 @@ from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.config import Config, load
 from mocca_robot.files.documents import MAX_YAML_BYTES, existing_path, parse_yaml, read_text
+from mocca_robot.files.keys import Key
+from mocca_robot.files.keys import section as keys_of
 from mocca_robot.files.schema import KEYS
+from mocca_robot.files.versions import STUDY_FILE
 
 COMBINE = ("grid", "list")
 STAGES = ("design", "tilt", "simulate")
 """What can be asked of a point besides its verdicts: joints first; the critical tilt by statics; MuJoCo."""
 MAX_POINTS = 100_000
-KNOWN = ("name", "base", "vary", "combine", "set", "stages")
+STUDY_KEYS: tuple[Key, ...] = (
+    Key("version", "integer", 1, "", "Version of the file's format; 1 need not be written.", low=1),
+    Key("name", "name", None, "", "Of the output folder and the page; default: the file's name."),
+    Key(
+        "base",
+        "text",
+        None,
+        "",
+        "The configuration that varies, or any file that holds parts; relative to the study.",
+        required=True,
+    ),
+    Key(
+        "vary",
+        "values",
+        None,
+        "",
+        "Key → list of values, or a range `{from, to, count, spacing}`, both ends included; keys of a section are "
+        "written with a point: `joints.margin`.",
+        required=True,
+    ),
+    Key("set", "mapping", None, "", "Key → its value at every point."),
+    Key(
+        "combine",
+        "choice",
+        "grid",
+        "",
+        "`grid`: every value with every other; `list`: the first values of all keys together, then the second, ….",
+        known=COMBINE,
+    ),
+    Key("stages", "choices", ["design"], "", "What is asked of every point.", known=STAGES),
+)
+FREE_SECTIONS = ("generator", "parts", "insertion")
+"""Sections of a configuration whose keys depend on the model: checked where a point is used."""
 
 
 @dataclass(frozen=True)
@@ -81,20 +116,22 @@ def read_study(path: str | Path, further: Mapping[str, Any] | None = None) -> St
     """
     path = Path(path)
     where = f"'{path}'"
-    data = fields.mapping(parse_yaml(read_text(path, MAX_YAML_BYTES), where), where, KNOWN)
-    if "base" not in data:
+    data, _ = STUDY_FILE.current(fields.mapping(parse_yaml(read_text(path, MAX_YAML_BYTES), where), where), where)
+    known = keys_of(STUDY_KEYS, "")
+    given = {k: v for k, v in fields.mapping(data, where, known).items() if v is not None}
+    if "base" not in given:
         raise InputError(f"{where} has no 'base'; name the configuration that it varies: 'base: ../tower.yaml'.")
-    base = Path(os.path.normpath(path.parent / fields.part_name(data["base"], f"{where}: base")))
+    base = Path(os.path.normpath(path.parent / known["base"].value(given["base"], f"{where}: base")))
     existing_path(base)
-    if not data.get("vary"):
+    if not given.get("vary"):
         raise InputError(f"{where} varies nothing; add 'vary: {{alpha_deg: [0, 5, 10]}}'.")
-    given = fields.mapping(data["vary"], f"{where}: vary")
-    vary = {_key(k, f"{where}: vary"): _values(v, f"{where}: vary.{k}") for k, v in given.items()}
-    fixed = {_key(k, f"{where}: set"): v for k, v in fields.mapping(data.get("set", {}), f"{where}: set").items()}
+    varied = fields.mapping(given["vary"], f"{where}: vary")
+    vary = {_key(k, f"{where}: vary"): _values(v, f"{where}: vary.{k}") for k, v in varied.items()}
+    fixed = {_key(k, f"{where}: set"): v for k, v in fields.mapping(given.get("set", {}), f"{where}: set").items()}
     fixed.update(further or {})
     if both := sorted(set(vary) & set(fixed)):
         raise InputError(f"{where}: '{both[0]}' is varied and set as well; keep one of the two.")
-    combine = fields.choice(data.get("combine", "grid"), COMBINE, f"{where}: combine")
+    combine = known["combine"].value(given.get("combine", known["combine"].default), f"{where}: combine")
     counts = {k: len(v) for k, v in vary.items()}
     if combine == "list" and len(set(counts.values())) > 1:
         told = ", ".join(f"{k} has {n}" for k, n in counts.items())
@@ -102,10 +139,8 @@ def read_study(path: str | Path, further: Mapping[str, Any] | None = None) -> St
     total = math.prod(counts.values()) if combine == "grid" else next(iter(counts.values()))
     if total > MAX_POINTS:
         raise InputError(f"{where} has {total} points; at most {MAX_POINTS} are run. Split it.")
-    stages = data.get("stages", ["design"])
-    listed = stages if isinstance(stages, list) else [stages]
-    chosen = {fields.choice(s, STAGES, f"{where}: stages") for s in listed}
-    name = fields.part_name(data["name"], f"{where}: name") if "name" in data else path.stem
+    chosen = known["stages"].value(given.get("stages", known["stages"].default), f"{where}: stages")
+    name = known["name"].value(given["name"], f"{where}: name") if "name" in given else path.stem
     return Study(name, base, vary, fixed, combine, tuple(s for s in STAGES if s in chosen))
 
 
@@ -125,13 +160,16 @@ def nested(values: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
+def plain_keys() -> list[str]:
+    """Return the keys of a configuration that a study may vary or set, those of `FREE_SECTIONS` aside."""
+    return sorted(k.name for k in KEYS if "NAME" not in k.name and k.name != "version")
+
+
 def _key(key: object, where: str) -> str:
     """Return a key of the configuration; those of a generator, of parts and insertion are checked on use."""
     text = fields.part_name(key, where)
-    free = ("generator", "parts", "insertion")
-    known = {k.name for k in KEYS if "NAME" not in k.name}
-    if text.split(".")[0] not in free:
-        fields.choice(text, sorted(known), f"{where}: key")
+    if text.split(".")[0] not in FREE_SECTIONS:
+        fields.choice(text, plain_keys(), f"{where}: key")
     return text
 
 
