@@ -1,7 +1,7 @@
 """Statics against MuJoCo: the same verdict wherever the critical tilt is not close, on random and designed assemblies.
 
 Each row lets an assembly go just below and just above its critical tilt by statics. A row that disagrees is
-experimented on for its cause (see `benchmarks.disagreement`).
+experimented on for its cause (see `sim.disagreement`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.disagreement import cause
 from benchmarks.measurement import Measurement
 from benchmarks.random_assemblies import KINDS, LOCKED_KINDS, SOLID_KINDS, random_assembly, random_solid
 from mocca_robot.assembly import Assembly
@@ -22,13 +21,14 @@ from mocca_robot.contacts import find_contacts, require_sound
 from mocca_robot.errors import InputError
 from mocca_robot.files.config import load
 from mocca_robot.loads import tilted_gravity
+from mocca_robot.statics import Status
 from mocca_robot.verify import case_at, critical_tilt, solve_case
 from planners.cone_joints.designer import design
 from sim.contact_model import contact_model
+from sim.disagreement import cause
 from sim.scene import with_gravity
-from sim.simulation import TILT_AGREEMENT_RAD
 from sim.stability import judged
-from sim.tilt import azimuths, tilt_scene
+from sim.tilt import TILT_AGREEMENT_RAD, azimuths, tilt_scene
 
 FLAT_KINDS = (*KINDS, *LOCKED_KINDS)
 PLAIN_FRICTIONS = (0.0, 0.4, 0.25, 0.6)
@@ -174,8 +174,9 @@ def compared(assembly: Assembly, friction: float, azimuth_rad: float) -> Compari
     why = ""
     for angle in angles:
         tilted = with_gravity(compiled, tilted_gravity(assembly.gravity, angle, azimuth_rad))
-        run = judged(tilted)
-        probes.append(Probe(angle, statics(angle), str(run.verdict), run.reason))
+        expected = statics(angle)
+        run = judged(tilted, doubted=expected == Status.EQUILIBRIUM)
+        probes.append(Probe(angle, expected, str(run.verdict), run.reason))
         if not probes[-1].agrees:
             why = cause(assembly, report.contacts, case_at(assembly, angle, azimuth_rad), tilted, run)
     return Comparison(critical, friction, tuple(probes), why)

@@ -158,11 +158,16 @@ def with_gravity(compiled: Compiled, gravity: Array) -> Compiled:
     return Compiled(replace(compiled.scene, gravity=gravity), model, compiled.parts, compiled.qpos, compiled.dof)
 
 
-def with_timestep(compiled: Compiled, timestep: float) -> Compiled:
-    """Return the same model with another step (s) and contacts stiffer or softer in proportion to its square."""
+def with_timestep(compiled: Compiled, timestep: float, contact_steps: float | None = None) -> Compiled:
+    """Return the same model with another step (s) and contacts stiffer or softer in proportion to its square.
+
+    `contact_steps` is the contacts' time constant in steps; by default it stays.
+    """
     import copy
 
-    scene = replace(compiled.scene, settings=replace(compiled.scene.settings, timestep=timestep))
+    settings = compiled.scene.settings
+    in_steps = settings.contact_steps if contact_steps is None else contact_steps
+    scene = replace(compiled.scene, settings=replace(settings, timestep=timestep, contact_steps=in_steps))
     model = copy.copy(compiled.model)
     model.opt.timestep = timestep
     model.geom_solref[:] = scene.settings.solref

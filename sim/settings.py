@@ -8,6 +8,11 @@ import numpy as np
 
 from mocca_robot.assembly import Assembly
 
+SLIDING_STEPS = 4.0
+"""Time constant, in steps, of contacts that slide while falls are confirmed. MuJoCo's convex friction lifts what slides
+by μ times the way. With two steps that is more than the contact gives: the part falls freely for a step, touches, is
+lifted again, and so creeps by g Δt where parts wedge that hold. With four it stays in touch; the smaller steps of a
+confirmation make up for the softness."""
 LARGE = 60
 """Free parts from which the step is doubled: verdicts stay the same and a dome takes half the time."""
 
@@ -17,7 +22,8 @@ class Settings:
     """How MuJoCo integrates and resolves contact.
 
     Attributes:
-        timestep: seconds; contacts have a time constant of two steps, the stiffest that stays stable.
+        timestep: seconds.
+        contact_steps: time constant of contacts, in steps: two are the stiffest that stay stable; see `SLIDING_STEPS`.
         iterations, tolerance: of Newton's method; a run that needs all iterations is rejected, because divergence
             otherwise shows no warning.
         solimp: impedance 0.99 … 0.9999 over 0.1 mm: with MuJoCo's own values critical tilts are 1° off, and with
@@ -30,6 +36,7 @@ class Settings:
 
     timestep: float
     friction: float = 0.0
+    contact_steps: float = 2.0
     iterations: int = 100
     tolerance: float = 1e-10
     solimp: tuple[float, float, float, float, float] = (0.99, 0.9999, 1e-4, 0.5, 2.0)
@@ -44,16 +51,16 @@ class Settings:
     @property
     def solref(self) -> tuple[float, float]:
         """Return time constant (s) and damping ratio of contacts."""
-        return (2.0 * self.timestep, 1.0)
+        return (self.contact_steps * self.timestep, 1.0)
 
     @property
     def margin(self) -> float:
         """Return how far apart (m) what should touch already does.
 
         MuJoCo leaves out contacts that do not overlap, and a touch that rounding opens carries nothing. This is a
-        tenth of what a contact gives under one part's weight: (1 − d) g (2 Δt)² with impedance d = 0.99.
+        tenth of what a contact gives under one part's weight: (1 − d) g τ² with time constant τ and impedance d = 0.99.
         """
-        return 0.04 * self.timestep**2
+        return 0.01 * self.solref[0] ** 2
 
 
 def settings_for(assembly: Assembly, friction: float = 0.0, free_parts: int | None = None) -> Settings:

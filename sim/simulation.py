@@ -10,10 +10,7 @@ import numpy as np
 from sim.insertion import InsertionTrial
 from sim.robust import RobustReport
 from sim.states import StateResult
-from sim.tilt import TiltReport
-
-TILT_AGREEMENT_RAD = {2: float(np.deg2rad(0.5)), 3: float(np.deg2rad(1.5))}
-"""By dimension: critical tilts further apart than this disagree."""
+from sim.tilt import TILT_AGREEMENT_RAD, TiltReport
 
 
 @dataclass(frozen=True)
@@ -59,19 +56,16 @@ class Simulation:
     def disagreements(self) -> tuple[str, ...]:
         """Return where physics and statics contradict each other, in words; empty when they agree on everything."""
         out = [
-            f"state after '{s.placed}': MuJoCo {s.verdict}, statics {s.statics}" for s in self.states if not s.agrees
+            f"state after '{s.placed}': MuJoCo {s.verdict}, statics {s.statics}{_because(s.cause)}"
+            for s in self.states
+            if not s.agrees
         ]
         for t in self.tilt:
             if t.failed:
                 out.append(f"{_tilt_words(t)}, {len(t.failed)} runs gave no verdict")
-            elif self._apart(t) and not t.only_bounded:
-                out.append(_tilt_words(t))
+            elif self._apart(t):
+                out.append(_tilt_words(t) + _because(t.cause))
         return tuple(out)
-
-    @property
-    def bounded(self) -> tuple[str, ...]:
-        """Return the tilts at which friction holds less in physics than statics allows, in words: no contradiction."""
-        return tuple(_tilt_words(t) for t in self.tilt if t.only_bounded and self._apart(t) and not t.failed)
 
     def _apart(self, tilt: TiltReport) -> bool:
         return abs(tilt.difference_rad) > TILT_AGREEMENT_RAD[self.dimension]
@@ -86,3 +80,7 @@ def _tilt_words(tilt: TiltReport) -> str:
     found, expected = np.rad2deg(tilt.critical_rad), np.rad2deg(tilt.statics_rad)
     where = f"tilt towards {np.rad2deg(tilt.azimuth_rad):.0f}° with friction {tilt.friction:g}"
     return f"{where}: MuJoCo {found:.2f}°, statics {expected:.2f}°"
+
+
+def _because(cause: str) -> str:
+    return f"; cause: {cause}" if cause else ""

@@ -69,6 +69,7 @@ def _state(s: StateResult) -> dict[str, Any]:
         "max_displacement_m": s.max_displacement,
         "agrees": s.agrees,
         "reason": s.reason,
+        "cause": s.cause,
         "statics_moved": list(s.statics_moved),
         "max_displacement_share": s.max_share,
         "final_speed_m_s": s.final_speed,
@@ -86,6 +87,7 @@ def _tilt(t: TiltReport) -> dict[str, Any]:
         "friction": t.friction,
         "moved": list(t.moved),
         "runs_without_verdict_deg": [float(np.rad2deg(a)) for a in t.failed],
+        "cause": t.cause,
     }
 
 

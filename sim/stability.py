@@ -10,8 +10,11 @@ import numpy as np
 from mocca_robot.assembly import Array, Assembly, BoolArray
 from sim.contact_model import ContactModel
 from sim.motion import Motion, reach, run
-from sim.scene import Compiled, Scene, compile_scene, with_timestep
-from sim.settings import settings_for
+from sim.scene import Compiled, Scene, compile_scene, predict, with_timestep
+from sim.settings import SLIDING_STEPS, settings_for
+
+SHORTEST_FALL_S = 0.02
+"""Of two falls, what is shorter counts as this long: runs are looked at no more often."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,11 @@ class Limits:
             factor.
         told: displacement, as a multiple of `moved`, at which the run with the finest step ends: it decides alone, and
             what creeps because contacts give takes longest with it.
+        finest: further divisor, for a fall where statics says that forces exist which hold.
+        finest_points: contact points above which that run is left out: it would take hours.
+        creeping: a fall that takes so many times longer with a tenth of the step is none. What falls takes equally
+            long with every step; what only creeps, because MuJoCo's friction resists speeds, not displacements, takes
+            ten times longer and in the limit of small steps stands. The border is their geometric mean.
     """
 
     moved: float = 0.005
@@ -44,6 +52,9 @@ class Limits:
     finer: tuple[float, ...] = (3.0, 10.0)
     same_fall: float = 1.5
     told: float = 2.0
+    finest: float = 100.0
+    finest_points: int = 1500
+    creeping: float = float(np.sqrt(10.0))
 
 
 LIMITS = Limits()
@@ -108,31 +119,95 @@ def free_scene(
     return Scene(assembly, model, there, fixed, assembly.gravity if gravity is None else gravity, settings)
 
 
-def stability(scene: Scene, limits: Limits = LIMITS) -> StabilityReport:
-    """Return whether `scene` stands, by letting it go."""
-    return judged(compile_scene(scene), limits)
+def stability(scene: Scene, limits: Limits = LIMITS, doubted: bool = False) -> StabilityReport:
+    """Return whether `scene` stands, by letting it go; see `confirmed` for `doubted`."""
+    return judged(compile_scene(scene), limits, doubted)
 
 
-def judged(compiled: Compiled, limits: Limits = LIMITS) -> StabilityReport:
-    """Return the verdict on a compiled scene; the model can be used again."""
-    return confirmed(compiled, at_once(compiled, limits), limits)
+def judged(compiled: Compiled, limits: Limits = LIMITS, doubted: bool = False) -> StabilityReport:
+    """Return the verdict on a compiled scene; the model can be used again. See `confirmed` for `doubted`."""
+    return confirmed(compiled, at_once(compiled, limits), limits, doubted)
 
 
-def confirmed(compiled: Compiled, found: StabilityReport, limits: Limits = LIMITS) -> StabilityReport:
+def confirmed(
+    compiled: Compiled, found: StabilityReport, limits: Limits = LIMITS, doubted: bool = False
+) -> StabilityReport:
     """Return the verdict on a scene of which `found` is what `at_once` says.
 
     That it stands is believed at once. That it fell, or gave no verdict, is confirmed with finer steps and stiffer
     contacts: the last of them decides, or two falls that take equally long.
+
+    A fall is `doubted` where statics knows forces that hold. Then it has to survive all the finer steps and the
+    finest, and must not be a creep that gets slower with the step.
     """
+    first = found
     for divisor in limits.finer:
         if found.stands:
-            break
+            return found
         before = found
-        ends = limits if divisor != limits.finer[-1] else replace(limits, fallen=limits.told * limits.moved)
-        found = at_once(with_timestep(compiled, compiled.scene.settings.timestep / divisor), ends)
-        if _same_fall(before, found, limits):
-            break
-    return found
+        ends = limits if divisor != limits.finer[-1] else _ends_early(limits)
+        found = at_once(_finer(compiled, divisor), ends)
+        if not doubted and _same_fall(before, found, limits):
+            return found
+    return _undoubted(compiled, first, found, limits) if doubted and limits.finer else found
+
+
+def _undoubted(compiled: Compiled, first: StabilityReport, fine: StabilityReport, limits: Limits) -> StabilityReport:
+    """Return what remains of a fall by the finest step, or by how much slower it gets with finer ones."""
+    if fine.verdict is not Verdict.FELL:
+        return fine
+    if first.verdict is Verdict.FELL and _creeps(compiled, first, fine, limits):
+        return _at_rest_in_the_limit(fine, first)
+    if contact_points(compiled) > limits.finest_points:
+        return fine
+    longest = 1.1 * limits.creeping * _told_after(compiled, fine, limits)
+    ends = replace(_ends_early(limits), longest_s=max(longest, 1.1 * limits.first_look_s))
+    finest = at_once(_finer(compiled, limits.finest), ends)
+    if finest.motion.failure is None and not finest.stands and _creeps(compiled, fine, finest, limits):
+        return _at_rest_in_the_limit(finest, fine)
+    return finest
+
+
+def contact_points(compiled: Compiled) -> int:
+    """Return about how many contact points the scene has at most."""
+    return predict(compiled.scene).contacts
+
+
+def _finer(compiled: Compiled, divisor: float) -> Compiled:
+    settings = compiled.scene.settings
+    in_steps = SLIDING_STEPS if settings.friction > 0.0 else settings.contact_steps
+    return with_timestep(compiled, settings.timestep / divisor, in_steps)
+
+
+def _ends_early(limits: Limits) -> Limits:
+    return replace(limits, fallen=limits.told * limits.moved)
+
+
+def _creeps(compiled: Compiled, coarse: StabilityReport, fine: StabilityReport, limits: Limits) -> bool:
+    """Return whether the same displacement takes longer in proportion to the number of steps."""
+    return _told_after(compiled, fine, limits) > limits.creeping * _told_after(compiled, coarse, limits)
+
+
+def _told_after(compiled: Compiled, found: StabilityReport, limits: Limits) -> float:
+    """Return the seconds since it was let go until a part has moved tellingly; infinite when none has."""
+    size = 2.0 * reach(compiled.scene.assembly)[found.motion.parts]
+    share = (found.motion.displacement / size).max(axis=1) / (limits.told * limits.moved)
+    if not (share >= 1.0).any():
+        return np.inf
+    late = int(np.argmax(share >= 1.0))
+    t0, t1 = found.motion.times[max(0, late - 1)], found.motion.times[late]
+    s0, s1 = share[max(0, late - 1)], share[late]
+    when = t1 if s1 <= s0 else t0 + (t1 - t0) * (1.0 - s0) / (s1 - s0)
+    return max(float(when) - limits.gentle_s, SHORTEST_FALL_S)
+
+
+def _at_rest_in_the_limit(fine: StabilityReport, coarse: StabilityReport) -> StabilityReport:
+    shown = " and ".join(
+        f"{run.max_displacement * 1e3:.3g} mm in {run.duration:.2f} s with steps of {run.timestep * 1e6:.3g} µs"
+        for run in (coarse, fine)
+    )
+    words = f"stands in the limit of small steps: it creeps, the slower the finer the step ({shown})"
+    return replace(fine, verdict=Verdict.STANDS, reason=words, moved=())
 
 
 def _same_fall(coarse: StabilityReport, fine: StabilityReport, limits: Limits) -> bool:
@@ -140,7 +215,9 @@ def _same_fall(coarse: StabilityReport, fine: StabilityReport, limits: Limits) -
         return False
     slow = max(coarse.duration, fine.duration) - limits.gentle_s
     fast = min(coarse.duration, fine.duration) - limits.gentle_s
-    return min(coarse.max_share, fine.max_share) >= limits.fallen and slow <= limits.same_fall * max(fast, 0.02)
+    return min(coarse.max_share, fine.max_share) >= limits.fallen and slow <= limits.same_fall * max(
+        fast, SHORTEST_FALL_S
+    )
 
 
 def at_once(compiled: Compiled, limits: Limits = LIMITS) -> StabilityReport:

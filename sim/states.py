@@ -7,13 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Assembly
+from mocca_robot.assembly import Assembly, BoolArray
 from mocca_robot.contacts import Contact
 from mocca_robot.loads import LoadCase
 from mocca_robot.statics import Status
 from mocca_robot.verify import solve_case
 from sim.contact_model import ContactModel
-from sim.stability import LIMITS, Limits, StabilityReport, Verdict, free_scene, stability
+from sim.disagreement import cause
+from sim.scene import compile_scene
+from sim.stability import LIMITS, Limits, StabilityReport, Verdict, free_scene, judged
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class StateResult:
         times, poses: the motion, sampled; poses[t][f] are the coordinates of part `parts[f]` (x, y, turn from its
             place in 2D; position and quaternion in 3D). Empty for a state that stands.
         parts: names of the parts in `poses`.
+        cause: what experiments say where it falls in physics though statics holds it; else ''.
     """
 
     placed: str
@@ -48,6 +51,7 @@ class StateResult:
     times: tuple[float, ...] = ()
     poses: tuple[tuple[tuple[float, ...], ...], ...] = ()
     parts: tuple[str, ...] = ()
+    cause: str = ""
 
     @property
     def stands(self) -> bool:
@@ -72,8 +76,12 @@ def state_result(
 ) -> StateResult:
     """Return both verdicts on one state of `mocca_robot.loads.state_cases`."""
     scene = free_scene(assembly, model, present=case.present, held=case.held, gravity=case.gravity, friction=friction)
-    found = stability(scene, limits)
     statics = solve_case(assembly, contacts, case, friction)
+    compiled = compile_scene(scene)
+    holds = statics.result.status is Status.EQUILIBRIUM
+    found = judged(compiled, limits, doubted=holds)
+    doubt = holds and found.verdict is Verdict.FELL
+    why = cause(assembly, _between(contacts, case.present), case, compiled, found) if doubt else ""
     placed = assembly.parts[int(np.flatnonzero(case.present).max())].name
     times, poses, names = _recorded(assembly, found)
     return StateResult(
@@ -91,7 +99,12 @@ def state_result(
         times,
         poses,
         names,
+        why,
     )
+
+
+def _between(contacts: Sequence[Contact], present: BoolArray) -> list[Contact]:
+    return [c for c in contacts if present[list(c.parts)].all()]
 
 
 def _recorded(

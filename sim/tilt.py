@@ -11,13 +11,16 @@ from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import Contact
 from mocca_robot.errors import InputError
 from mocca_robot.loads import tilt_azimuths, tilted_gravity
-from mocca_robot.verify import critical_tilt
+from mocca_robot.verify import case_at, critical_tilt
 from sim.contact_model import ContactModel
+from sim.disagreement import cause
 from sim.scene import Compiled, compile_scene, with_gravity
 from sim.stability import LIMITS, Limits, StabilityReport, Verdict, at_once, confirmed, free_scene
 
 RESOLUTION = np.deg2rad(0.1)
 """Width at which the bisection ends."""
+TILT_AGREEMENT_RAD = {2: float(np.deg2rad(0.5)), 3: float(np.deg2rad(1.5))}
+"""By dimension: critical tilts further apart than this disagree."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,7 @@ class TiltReport:
         failed: tilts (radians) whose runs gave no verdict; they count as not standing.
         within_rad: half the distance of those two tilts: no more is known of the critical one. The search begins
             around statics' guess, so that a difference from statics means nothing without it.
+        cause: what experiments say where physics falls earlier than statics by more than the two may differ; else ''.
     """
 
     azimuth_rad: float
@@ -43,19 +47,12 @@ class TiltReport:
     moved: tuple[str, ...]
     failed: tuple[float, ...]
     within_rad: float = 0.0
+    cause: str = ""
 
     @property
     def difference_rad(self) -> float:
         """Return physics minus statics."""
         return self.critical_rad - self.statics_rad
-
-    @property
-    def only_bounded(self) -> bool:
-        """Return whether statics only bounds this tilt from above.
-
-        Statics accepts any forces within the friction cones; physics only those that sliding builds up.
-        """
-        return self.friction > 0.0 and self.difference_rad < 0.0
 
 
 def azimuths(assembly: Assembly, count: int) -> Array:
@@ -87,13 +84,15 @@ def physical_tilt(
     time, not truth. (A ramp or a hinged platform overshoots by 0.4° to 2°: inertia holds parts back.)
 
     Falls are believed without finer steps first and only the smallest tilt that fell is confirmed; when finer steps
-    hold it, the search goes on above it with every fall confirmed.
+    hold it, the search goes on above it with every fall confirmed. A critical tilt below statics' by more than the two
+    may differ is confirmed once more, by the finest step, and is told with its cause.
     """
     scene = compiled.scene
     friction = scene.settings.friction
     guess = critical_tilt(scene.assembly, contacts, azimuth_rad, friction)
     quick: dict[float, StabilityReport] = {}
     sure: dict[float, StabilityReport] = {}
+    doubted: dict[float, StabilityReport] = {}
 
     def scene_at(angle: float) -> Compiled:
         return with_gravity(compiled, tilted_gravity(scene.assembly.gravity, angle, azimuth_rad))
@@ -108,14 +107,30 @@ def physical_tilt(
             sure[angle] = confirmed(scene_at(angle), quick[angle], limits)
         return sure.get(angle, quick[angle]).stands
 
+    def stands_after_all(angle: float) -> bool:
+        if stands(angle):
+            return True
+        if early(angle) and angle not in doubted:
+            doubted[angle] = sure[angle] = confirmed(scene_at(angle), quick[angle], limits, doubted=True)
+        return sure[angle].stands
+
+    def early(angle: float) -> bool:
+        return guess - angle > TILT_AGREEMENT_RAD[scene.assembly.dimension] - resolution_rad
+
     low, high = _bracket(stands_at_once, guess, resolution_rad)
     if high < np.pi / 2 and stands(high):
         low, high = _bracket(stands, guess, resolution_rad, high)
+    if early(high) and stands_after_all(high):
+        low, high = _bracket(stands_after_all, guess, resolution_rad, high)
     moved = sure[high].moved if high in sure else ()
     failed = tuple(a for a, found in sure.items() if found.verdict is Verdict.FAILED)
     if high >= np.pi / 2:
         return TiltReport(azimuth_rad, np.pi / 2, guess, friction, moved, failed)
-    return TiltReport(azimuth_rad, 0.5 * (low + high), guess, friction, moved, failed, 0.5 * (high - low))
+    why = ""
+    if early(high) and sure[high].verdict is Verdict.FELL:
+        case = case_at(scene.assembly, high, azimuth_rad)
+        why = cause(scene.assembly, contacts, case, scene_at(high), sure[high])
+    return TiltReport(azimuth_rad, 0.5 * (low + high), guess, friction, moved, failed, 0.5 * (high - low), why)
 
 
 def _bracket(stands: Callable[[float], bool], guess: float, width: float, stood: float = -1.0) -> tuple[float, float]:

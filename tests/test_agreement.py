@@ -4,10 +4,10 @@ import pytest
 from physics_models import tongue
 
 from benchmarks.agreement import Comparison, Probe, random_case
-from benchmarks.disagreement import cause
 from mocca_robot.contacts import find_contacts
 from mocca_robot.verify import case_at
 from sim.contact_model import contact_model
+from sim.disagreement import cause
 from sim.stability import Limits, Verdict, judged
 from sim.tilt import tilt_scene
 

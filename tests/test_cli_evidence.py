@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mocca_robot.assembly import Assembly, Equilibrium, Goal, Interlocking, Part, Polygon, SupportFree
-from mocca_robot.cli.physics_evidence import bounds, simulation_findings
+from mocca_robot.cli.physics_evidence import simulation_findings
 from mocca_robot.cli.verdict import physics_words
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -58,21 +58,24 @@ def test_every_disagreement_counts_asked_for_or_not() -> None:
     assert kinds({"states": [state("b", None, True), state("c", True, True)]}) == ["inaccurate"]
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize(
-    ("critical", "statics", "friction", "found", "noted"),
-    [
-        (2.4, 2.5, 0.0, [], 0),
-        (1.5, 2.5, 0.0, ["disagreement"], 0),
-        (10.0, 12.0, 0.3, [], 1),  # some friction forces could hold it, the real ones do not
-        (12.0, 10.0, 0.3, ["disagreement"], 0),  # but nothing holds more than any forces could
-    ],
+    ("critical", "statics", "found"),
+    [(2.4, 2.5, []), (1.5, 2.5, ["disagreement"]), (12.0, 10.0, ["disagreement"])],
 )
-def test_friction_makes_statics_an_upper_bound(
-    critical: float, statics: float, friction: float, found: list[str], noted: int
+def test_tilts_apart_are_a_disagreement_with_and_without_friction(
+    critical: float, statics: float, friction: float, found: list[str]
 ) -> None:
-    simulation = {"tilt": [tilt(critical, statics, friction)]}
-    assert kinds(simulation) == found
-    assert len(bounds(assembly(), simulation)) == noted
+    assert kinds({"tilt": [tilt(critical, statics, friction)]}) == found
+
+
+def test_a_disagreement_is_told_with_its_cause() -> None:
+    early = {**tilt(10.0, 12.0, 0.3), "cause": "friction not made by the fall"}
+    (finding,) = simulation_findings(assembly(), {"tilt": [early]})
+    assert finding.text.endswith("12.00° by statics; cause: friction not made by the fall.")
+    fallen = {**state("b", False, True), "cause": "soft contacts"}
+    (finding,) = simulation_findings(assembly(), {"states": [fallen, state("c", True, True)]})
+    assert "falls in MuJoCo and stands by statics; cause: soft contacts." in finding.text
 
 
 def test_runs_without_a_verdict_are_never_hidden() -> None:

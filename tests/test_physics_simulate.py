@@ -162,14 +162,13 @@ def test_robustness_is_the_same_for_the_same_seed():
         RobustOptions(trials=0)
 
 
-def test_falling_earlier_with_friction_is_bounded_and_holding_longer_a_disagreement() -> None:
-    def with_tilt(found: float, expected: float, friction: float, failed: tuple[float, ...] = ()) -> Simulation:
-        tilt = TiltReport(0.0, float(np.deg2rad(found)), float(np.deg2rad(expected)), friction, (), failed)
+def test_physics_that_differs_from_statics_counts_with_friction_too_and_tells_its_cause() -> None:
+    def with_tilt(found: float, expected: float, failed: tuple[float, ...] = (), cause: str = "") -> Simulation:
+        tilt = TiltReport(0.0, float(np.deg2rad(found)), float(np.deg2rad(expected)), 0.3, (), failed, 0.0, cause)
         return Simulation("tower", "mujoco", 2, tilt=(tilt,))
 
-    earlier, longer = with_tilt(20.0, 25.0, 0.3), with_tilt(25.0, 20.0, 0.3)
-    assert earlier.disagreements == () and len(earlier.bounded) == 1
-    assert len(longer.disagreements) == 1 and longer.bounded == ()
-    assert len(with_tilt(20.0, 25.0, 0.0).disagreements) == 1
-    failed = with_tilt(20.0, 25.0, 0.3, (0.3,))
-    assert "no verdict" in failed.disagreements[0] and failed.bounded == ()
+    assert with_tilt(25.2, 25.0).disagreements == ()
+    assert len(with_tilt(25.0, 20.0).disagreements) == 1
+    (earlier,) = with_tilt(20.0, 25.0, cause="friction not made by the fall").disagreements
+    assert earlier.endswith("statics 25.00°; cause: friction not made by the fall")
+    assert "no verdict" in with_tilt(20.0, 25.0, (0.3,)).disagreements[0]

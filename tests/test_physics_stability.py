@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from physics_models import WIDTH, box_stack_3d, jointed, rectangle, stack, tongue
 
+from benchmarks.agreement import Comparison, random_case
+from benchmarks.random_assemblies import random_assembly
 from mocca_robot.assembly import Assembly, Part
 from mocca_robot.contacts import find_contacts
 from mocca_robot.errors import InputError
@@ -18,7 +20,7 @@ from sim.contact_model import contact_model, facets, pieces
 from sim.motion import run
 from sim.scene import compile_scene, with_gravity
 from sim.settings import settings_for
-from sim.stability import Limits, Verdict, free_scene, judged, stability
+from sim.stability import Limits, Verdict, at_once, free_scene, judged, stability
 from sim.states import state_result
 from sim.tilt import RESOLUTION, azimuths, physical_tilt, tilt_scene
 
@@ -160,6 +162,44 @@ def test_the_tilt_search_goes_on_above_falls_that_finer_steps_do_not_confirm():
     compiled = tilt_scene(assembly, pieces(assembly, contacts))
     assert physical_tilt(compiled, contacts, 0.0, limits=Limits(finer=())).critical_rad == 0.0
     assert 0.0 < physical_tilt(compiled, contacts, 0.0).critical_rad < RESOLUTION
+
+
+def test_creep_of_friction_is_no_fall_where_statics_holds():
+    """Half a degree below its critical tilt this arch creeps, ten times slower with a tenth of the step."""
+    assembly = random_assembly("arch", 7)
+    contacts = find_contacts(assembly).contacts
+    critical = critical_tilt(assembly, contacts, 0.0, 0.6)
+    scene = tilt_scene(assembly, facets(assembly, contacts, friction=0.6), 0.6)
+    limits = Limits(finer=(3.0,), finest=30.0)
+
+    def verdict(off_deg, doubted):
+        gravity = tilted_gravity(assembly.gravity, critical + np.deg2rad(off_deg))
+        return judged(with_gravity(scene, gravity), limits, doubted)
+
+    assert verdict(-0.5, False).verdict is Verdict.FELL, "the finer step alone decides already: nothing is shown here"
+    held = verdict(-0.5, True)
+    assert held.stands and "creeps" in held.reason and held.moved == ()
+    assert verdict(0.5, True).verdict is Verdict.FELL
+
+
+def test_wedged_parts_hold_up_to_where_statics_says():
+    """A keystone between leaning faces: contacts that chatter while they slide let it creep out, degrees too early."""
+    assembly = random_assembly("arch", 3)
+    contacts = find_contacts(assembly).contacts
+    scene = tilt_scene(assembly, facets(assembly, contacts, friction=0.6), 0.6)
+    gravity = tilted_gravity(assembly.gravity, critical_tilt(assembly, contacts, 0.0, 0.6) - np.deg2rad(0.5))
+    tilted = with_gravity(scene, gravity)
+    assert at_once(tilted).verdict is Verdict.FELL, "one run decides already: nothing is shown here"
+    assert judged(tilted).stands
+
+
+def test_a_doubted_fall_that_every_step_shows_is_believed_and_explained():
+    """Statics lets the groove's walls pinch the tongue as hard as it likes; the fall takes equally long each time."""
+    found = random_case("notched", 11)
+    assert isinstance(found, Comparison) and found.verdict == "DISAGREE"
+    below = found.probes[0]
+    assert (below.statics, below.physics) == ("equilibrium", "fell")
+    assert found.cause.startswith("friction not made by the fall: fell with a step of 5 µs")
 
 
 def test_a_fall_is_confirmed_with_finer_steps():

@@ -443,14 +443,16 @@ def test_films_show_recorded_motion_and_refuse_what_has_another_shape(flat: Repo
     assert films(dataclasses.replace(flat, simulation=told), states(flat)) == {}
 
 
-def test_falling_earlier_with_friction_is_a_note_and_holding_longer_a_contradiction(flat: ReportData) -> None:
+def test_physics_that_falls_earlier_than_statics_with_friction_is_told_with_its_cause(flat: ReportData) -> None:
     def with_tilt(measured: float, expected: float) -> ReportData:
-        tilt = [{"azimuth_deg": 0.0, "critical_deg": measured, "statics_deg": expected, "friction": 0.5}]
-        return dataclasses.replace(flat, simulation=simulated(flat.design, tilt=tilt))
+        entry = {"azimuth_deg": 0.0, "critical_deg": measured, "statics_deg": expected, "friction": 0.5}
+        told = [{**entry, "cause": "friction not made by the fall"}]
+        return dataclasses.replace(flat, simulation=simulated(flat.design, tilt=told))
 
-    earlier, longer = with_tilt(20.0, 25.0), with_tilt(25.0, 20.0)
-    assert disagreements(earlier) == () and "statics is an upper bound" in report_page(earlier)
-    assert len(disagreements(longer)) == 1
+    (earlier,) = disagreements(with_tilt(20.0, 25.0))
+    assert earlier.endswith("more than 0.5° apart; cause: friction not made by the fall.")
+    assert esc(earlier) in report_page(with_tilt(20.0, 25.0))
+    assert len(disagreements(with_tilt(25.0, 20.0))) == 1
 
 
 def test_an_interlocking_design_is_said_to_lock_not_to_stand(solid: ReportData) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from mocca_robot.assembly import Assembly, SupportFree
 from mocca_robot.cli.evidence import Finding, quoted
-from mocca_robot.report.findings import TILT_AGREEMENT_DEG, UNTOLD
+from mocca_robot.report.findings import TILT_AGREEMENT_DEG, because
 
 
 def simulation_findings(assembly: Assembly, simulation: Mapping[str, Any]) -> list[Finding]:
@@ -51,25 +51,15 @@ def _disagreements(assembly: Assembly, simulation: Mapping[str, Any]) -> list[st
     for state in simulation.get("states", ()):
         if state["stable"] is not None and state["statics_stable"] is not None and not state["agrees"]:
             physics, statics = ("stands" if state[k] else "falls" for k in ("stable", "statics_stable"))
-            found.append(f"After placing '{state['placed']}' it {physics} in MuJoCo and {statics} by statics.")
+            text = f"After placing '{state['placed']}' it {physics} in MuJoCo and {statics} by statics"
+            found.append(f"{text}{because(state)}.")
     for tilt in simulation.get("tilt", ()):
         if tilt["runs_without_verdict_deg"]:
             count = len(tilt["runs_without_verdict_deg"])
             found.append(f"{count} of MuJoCo's runs gave no verdict at a {_tilt_words(assembly, tilt)}.")
-        elif _apart(assembly, tilt) and not bounded(tilt):
-            found.append(f"MuJoCo and statics disagree on the {_tilt_words(assembly, tilt)}.")
+        elif _apart(assembly, tilt):
+            found.append(f"MuJoCo and statics disagree on the {_tilt_words(assembly, tilt)}{because(tilt)}.")
     return found
-
-
-def bounds(assembly: Assembly, simulation: Mapping[str, Any]) -> list[str]:
-    """Return where MuJoCo falls earlier than statics with friction allows: worth knowing, but no contradiction."""
-    early = [t for t in simulation.get("tilt", ()) if bounded(t) and _apart(assembly, t)]
-    return [f"T{_tilt_words(assembly, t)[1:]}: {UNTOLD}." for t in early]
-
-
-def bounded(tilt: Mapping[str, Any]) -> bool:
-    """Return whether statics only bounds this tilt: some friction forces could hold it, real ones need not."""
-    return bool(tilt["friction"] > 0.0 and tilt["critical_deg"] < tilt["statics_deg"])
 
 
 def _apart(assembly: Assembly, tilt: Mapping[str, Any]) -> bool:

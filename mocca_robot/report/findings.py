@@ -16,8 +16,6 @@ from mocca_robot.verify import CaseVerdict
 
 TILT_AGREEMENT_DEG = {2: 0.5, 3: 1.5}
 """Critical tilts further apart than this disagree: rigid facets against slightly soft ones explain less."""
-UNTOLD = "statics is an upper bound with friction, and MuJoCo's contacts give a little; which it is, one run can't tell"
-"""Why MuJoCo may fall earlier under friction. Which of the two it was takes runs with far smaller steps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,18 +76,19 @@ def entries(data: ReportData, key: str) -> list[Mapping[str, Any]]:
 def disagreements(data: ReportData) -> tuple[str, ...]:
     """Return every contradiction between statics, physics and the design's own claims, one sentence each."""
     found: list[str] = []
+    simulated = {str(s.get("placed")): s for s in entries(data, "states")}
     for state in states(data):
         if state.agree is False:
             says = "stands" if state.statics else "falls"
             other = "stands" if state.physics else "falls"
-            found.append(f"After placing '{state.part}' the assembly {says} by statics and {other} in MuJoCo.")
+            text = f"After placing '{state.part}' the assembly {says} by statics and {other} in MuJoCo"
+            found.append(f"{text}{because(simulated.get(state.part, {}))}.")
     limit = TILT_AGREEMENT_DEG[data.design.assembly.dimension]
     for entry in entries(data, "tilt"):
         measured, expected = entry.get("critical_deg"), _statics_tilt(data, entry)
         if measured is None or expected is None or abs(measured - expected) <= limit:
             continue
-        if not _only_bounded(entry, measured, expected):
-            found.append(f"{_tilt_words(entry, measured, expected)}; more than {limit:g}° apart.")
+        found.append(f"{_tilt_words(entry, measured, expected)}; more than {limit:g}° apart{because(entry)}.")
     found += _insertions(data)
     verified = {c.case.name: c for c in data.after.cases}
     for case in data.design.load_cases:
@@ -126,25 +125,10 @@ def _insertions(data: ReportData) -> list[str]:
     return found
 
 
-def bounded_tilts(data: ReportData) -> tuple[str, ...]:
-    """Return where MuJoCo falls earlier than statics with friction: no contradiction, and worth knowing.
-
-    Statics asks whether some forces within the friction cones could hold; sliding need not build those up. Contacts
-    that give a little may also let go early where parts wedge each other.
-    """
-    found = []
-    limit = TILT_AGREEMENT_DEG[data.design.assembly.dimension]
-    for entry in entries(data, "tilt"):
-        measured, expected = entry.get("critical_deg"), _statics_tilt(data, entry)
-        if measured is None or expected is None or abs(measured - expected) <= limit:
-            continue
-        if _only_bounded(entry, measured, expected):
-            found.append(f"{_tilt_words(entry, measured, expected)}; {UNTOLD}.")
-    return tuple(found)
-
-
-def _only_bounded(entry: Mapping[str, Any], measured: float, expected: float) -> bool:
-    return bool(entry.get("friction")) and measured <= expected
+def because(entry: Mapping[str, Any]) -> str:
+    """Return the cause that experiments gave for a disagreement in simulation.json, '' when there is none."""
+    cause = str(entry.get("cause") or "")
+    return f"; cause: {cause}" if cause else ""
 
 
 def _tilt_words(entry: Mapping[str, Any], measured: float, expected: float) -> str:
@@ -168,7 +152,7 @@ def tilt_gaps(data: ReportData) -> tuple[float, ...]:
     """Return how far apart, in degrees, statics and MuJoCo may be at most for every critical tilt that both decide."""
     known = [(e, e.get("critical_deg"), _statics_tilt(data, e)) for e in entries(data, "tilt")]
     pairs = [(e, a, b) for e, a, b in known if a is not None and b is not None]
-    return tuple(abs(a - b) + float(e.get("within_deg") or 0.0) for e, a, b in pairs if not _only_bounded(e, a, b))
+    return tuple(abs(a - b) + float(e.get("within_deg") or 0.0) for e, a, b in pairs)
 
 
 def _statics_tilt(data: ReportData, entry: Mapping[str, Any]) -> float | None:

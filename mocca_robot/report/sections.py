@@ -8,7 +8,7 @@ from mocca_robot.assembly import Array
 from mocca_robot.report import pictures
 from mocca_robot.report.cone_plots import joint_section
 from mocca_robot.report.data import ReportData
-from mocca_robot.report.findings import bounded_tilts, decided
+from mocca_robot.report.findings import decided
 from mocca_robot.report.markup import badge, degrees, esc, listed, millimetres, significant, table
 from mocca_robot.report.palette import fills, part_colours
 from mocca_robot.report.pictures import Picture
@@ -198,7 +198,7 @@ def provenance(data: ReportData) -> str:
         versions["simulated by"] = str(data.simulation["engine"])
     body = ""
     simulation = data.simulation or {}
-    notes = [*data.warnings, *data.design.notes, *bounded_tilts(data), *(str(n) for n in simulation.get("notes") or [])]
+    notes = [*data.warnings, *data.design.notes, *(str(n) for n in simulation.get("notes") or [])]
     if simulation.get("interrupted"):
         notes.insert(0, "The simulation was interrupted; it holds what was finished by then.")
     if notes:

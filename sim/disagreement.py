@@ -14,10 +14,8 @@ from mocca_robot.loads import LoadCase, case_wrenches
 from mocca_robot.statics import EquilibriumResult, Status, equilibrium
 from sim.motion import Motion
 from sim.scene import Compiled, with_timestep
-from sim.stability import LIMITS, StabilityReport, Verdict, judged
+from sim.stability import LIMITS, StabilityReport, Verdict, contact_points, judged
 
-STIFFER = 100.0
-"""The step is made so many times smaller, ten times below the finest that a verdict uses, to exclude soft contacts."""
 SEEN = 0.01
 """Displacement, relative to the part, at which a fall shows which contacts open."""
 OPEN = 0.02
@@ -36,24 +34,32 @@ def cause(
     'history': let go at once, or more gently, it ends otherwise; friction forces depend on how they build up.
     'none found' else.
     """
-    step = tilted.scene.settings.timestep
-    stiff = judged(with_timestep(tilted, step / STIFFER), replace(LIMITS, finer=())).verdict
-    if stiff not in (found.verdict, Verdict.FAILED):
-        return f"soft contacts: {stiff} with a step of {step / STIFFER * 1e6:.0f} µs"
-    friction = tilted.scene.settings.friction
-    again = "too" if stiff is found.verdict else "not shown: that run gave no verdict"
-    if found.verdict is Verdict.FELL and friction > 0.0:
-        opened, rays = coulomb_rays(assembly, contacts, found.motion, friction)
+    settings = tilted.scene.settings
+    finest, tried = found.timestep, f"{found.verdict} with a step of {found.timestep * 1e6:.3g} µs"
+    if finest > 1.01 * settings.timestep / LIMITS.finest:
+        if contact_points(tilted) <= LIMITS.finest_points:
+            finest = settings.timestep / LIMITS.finest
+            stiff = judged(with_timestep(tilted, finest), replace(LIMITS, finer=())).verdict
+            if stiff not in (found.verdict, Verdict.FAILED):
+                return f"soft contacts: {stiff} with a step of {finest * 1e6:.3g} µs"
+            if stiff is Verdict.FAILED:
+                tried += f"; no verdict with {finest * 1e6:.3g} µs"
+            else:
+                tried = f"{stiff} with a step of {finest * 1e6:.3g} µs, too"
+        else:
+            tried += "; finer ones would take hours"
+    if found.verdict is Verdict.FELL and settings.friction > 0.0:
+        opened, rays = coulomb_rays(assembly, contacts, found.motion, settings.friction)
         if not _holds(assembly, contacts, case, rays):
             return (
-                f"friction not made by the fall: falls with a step of {step / STIFFER * 1e6:.0f} µs {again}; by "
-                f"statics it falls with the forces that go with this fall ({opened} of {len(rays)} contact points open)"
+                f"friction not made by the fall: {tried}; statics, too, lets it fall with the forces that go with this "
+                f"fall ({opened} of {len(rays)} contact points open)"
             )
     for gentle in (0.0, 0.4):
         other = judged(tilted, replace(LIMITS, gentle_s=gentle)).verdict
         if other not in (found.verdict, Verdict.FAILED):
             return f"history of friction forces: {other} when let go over {gentle:g} s"
-    return "none found: neither finer steps nor another way of letting go change it"
+    return f"none found ({tried}; another way of letting go changes nothing)"
 
 
 def coulomb_rays(
