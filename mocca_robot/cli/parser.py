@@ -33,6 +33,8 @@ from mocca_robot.cli.spelling import Parser
 from mocca_robot.errors import MoccaError
 
 UNUSABLE, INTERNAL, INTERRUPTED = 2, 70, 130
+BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""Commands share their work out themselves; threads inside its small matrices would only wait for each other."""
 EPILOG = """exit status: 0 every verdict is positive; 1 a negative verdict, with its evidence; 2 unusable input;
 70 an error in mocca-robot itself; 130 interrupted (Ctrl-C), what was finished is kept.
 `mocca-robot COMMAND --help` tells what a command does. With --json it prints one JSON object for scripts."""
@@ -43,6 +45,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     Argument errors leave by SystemExit with status 2, as argparse does.
     """
+    for name in BLAS_THREADS:
+        os.environ.setdefault(name, "1")  # read when numpy is first imported, which no command has done yet
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:

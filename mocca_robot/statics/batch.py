@@ -16,6 +16,7 @@ from mocca_robot.assembly import Array, BoolArray, IntArray
 from mocca_robot.errors import InputError
 from mocca_robot.statics.solvers import SolverFailed
 from mocca_robot.statics.system import ContactSystem
+from mocca_robot.statics.threads import with_one_blas_thread
 
 VIOLATION = 1e-9
 """Slack, relative to |w|, below which a ray joins the working set; an order below what verdicts ask for."""
@@ -45,6 +46,7 @@ class BatchResult:
     working: BoolArray
 
 
+@with_one_blas_thread
 def solve_cases(
     system: ContactSystem,
     loads: Array,

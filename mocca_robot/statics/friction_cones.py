@@ -21,6 +21,7 @@ from mocca_robot.statics.interior_point import (
     STALLED_AFTER,
 )
 from mocca_robot.statics.solvers import SolverFailed
+from mocca_robot.statics.threads import with_one_blas_thread
 
 NEARLY_BALANCED, TRY_AGAIN = 0.05, 0.2
 """`_balanced` gets a try whenever the unbalanced share of the load falls to a fifth: below 0.01 for the first."""
@@ -30,6 +31,7 @@ TOLERANCE = 1e-9
 """Gap to reach, relative to |w|²; stationarity and feasibility may be four times that."""
 
 
+@with_one_blas_thread
 def solve_friction_cones(blocks: PairBlocks, w: Array) -> Array:
     """Return z (3·contacts,), the forces along the rows of G.
 

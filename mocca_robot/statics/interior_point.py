@@ -19,6 +19,7 @@ from mocca_robot.statics.face import on_face
 from mocca_robot.statics.newton import Iterate, Point, Problem
 from mocca_robot.statics.solvers import SolverFailed
 from mocca_robot.statics.system import ContactSystem
+from mocca_robot.statics.threads import with_one_blas_thread
 
 MAX_ITERATIONS = 100
 TOLERANCE = 2e-9
@@ -67,6 +68,7 @@ class Kept:
         return Point(new.u + ratio * (new.u - old.u), s, z)
 
 
+@with_one_blas_thread
 def solve_interior_point(system: ContactSystem, w: Array, c: Array) -> tuple[Array, Array]:
     """Return (v, f): motion (n,) and forces (C,) of one load w (n,), or (K, n) and (K, C) of K loads; v = w + Bᵀf.
 
