@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly
+from mocca_robot.assembly import Array, Assembly, read_only
 from sim.inertia import inertia
 from sim.scene import Compiled
 
@@ -59,7 +59,12 @@ STEADY = PlacingError()
 
 
 class HandPath:
-    """The hand's motion: straight, from `travel` before the seat to the seat, at rest at both ends."""
+    """The hand's motion: straight, from `travel` before the seat to the seat, at rest at both ends.
+
+    Attributes:
+        targets: (steps + 1, n) where the grip should be after each step, in joint coordinates.
+        commands: (steps + 1, n) the servos' settings during each step.
+    """
 
     def __init__(
         self, model: Any, compiled: Compiled, part: int, way: Array, travel: float, offset: Array, steps: int
@@ -70,41 +75,42 @@ class HandPath:
         self.qpos, self.dof = compiled.qpos[row, :wide], compiled.dof[row]
         self.body = int(model.body(compiled.scene.assembly.parts[part].name).id)
         self.way = np.concatenate([way, np.zeros(wide - d)])
-        self.travel, self.offset, self.steps = travel, offset, steps
-        self.step_s = float(model.opt.timestep)
+        self.steps = steps
+        self.targets = self._targets(travel, offset)
         # What the servo needs ahead to follow exactly: damping × velocity and inertia × acceleration.
         gains, damping = model.actuator_gainprm[:, 0], -model.actuator_biasprm[:, 2]
         turning = float(np.trace(inertia(compiled.scene.assembly.parts[part]))) / 3.0
         mass = compiled.scene.assembly.parts[part].mass
-        self.lag = damping / gains / self.step_s
-        self.heave = np.concatenate([np.full(d, mass), np.full(wide - d, turning)]) / gains / self.step_s**2
+        step_s = float(model.opt.timestep)
+        heave = np.concatenate([np.full(d, mass), np.full(wide - d, turning)]) / gains / step_s**2
+        self.commands = self._commands(damping / gains / step_s, heave)
 
-    def place(self, data: Any) -> None:
-        """Put the part at the start of its path."""
-        data.qpos[self.qpos] = self.target(0)
-
-    def target(self, step: int) -> Array:
-        """Return where the grip should be: minimum jerk along the line, plus its error.
+    def _targets(self, travel: float, offset: Array) -> Array:
+        """Return (steps + 1, n) where the grip should be: minimum jerk along the line, plus its error.
 
         The error grows over the first fifth, so that no path starts in a neighbour.
         """
-        t = min(1.0, max(0.0, step / self.steps))
+        t = np.arange(self.steps + 1) / self.steps
         left = 1.0 - t**3 * (10.0 - 15.0 * t + 6.0 * t * t)
-        e = min(1.0, 5.0 * t)
-        return np.asarray(-self.travel * left * self.way + e * e * (3.0 - 2.0 * e) * self.offset)
+        e = np.minimum(1.0, 5.0 * t)
+        return read_only(-travel * np.outer(left, self.way) + np.outer(e * e * (3.0 - 2.0 * e), offset))
 
-    def command(self, data: Any, step: int) -> None:
-        """Set the servos such that a part that meets nothing is at `target(step)` after the step.
+    def _commands(self, lag: Array, heave: Array) -> Array:
+        """Return (steps + 1, n) the servos' settings for which a part that meets nothing is at its target after a step.
 
         MuJoCo takes the spring's force at the start of a step, the damper's at its end, and moves the part with
         the velocity it has then: with velocities as differences of targets, the following is exact.
         """
-        before, now, after = self.target(step - 2), self.target(step - 1), self.target(step)
-        data.ctrl[:] = now + self.lag * (after - now) + self.heave * (after - 2.0 * now + before)
+        before, now, after = (self.targets[np.maximum(np.arange(self.steps + 1) - k, 0)] for k in (2, 1, 0))
+        return read_only(now + lag * (after - now) + heave * (after - 2.0 * now + before))
 
-    def deviation(self, data: Any, step: int, far: float) -> float:
+    def place(self, data: Any) -> None:
+        """Put the part at the start of its path."""
+        data.qpos[self.qpos] = self.targets[0]
+
+    def deviation(self, coordinates: Array, step: int, far: float) -> float:
         """Return how far the part is from where the grip should be, rotations as lengths at its reach `far`."""
-        gap = data.qpos[self.qpos] - self.target(step)
+        gap = coordinates[self.qpos] - self.targets[step]
         d = 2 if len(gap) == 3 else 3
         return float(np.linalg.norm(gap[:d]) + far * np.linalg.norm(gap[d:]))
 

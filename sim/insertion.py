@@ -12,20 +12,19 @@ weight, means that something stood in the way.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import shapely
 
-from mocca_robot.assembly import Array, Assembly, BoolArray, Polygon
-from mocca_robot.contacts import Contact, to_shapely
-from mocca_robot.errors import InputError
+from mocca_robot.assembly import Array, Assembly, BoolArray
+from mocca_robot.contacts import Contact
 from sim.contact_model import ContactModel, pieces
 from sim.directions import Direction, InsertionCone
+from sim.flat_pieces import flat_pieces
 from sim.hand import HAND, STEADY, HandOptions, HandPath, PlacingError, grip_offset
 from sim.heard import heard
-from sim.motion import reach, step_failure
+from sim.motion import LOOK, reach, step_failure
 from sim.scene import Compiled, Hand, Scene, compile_scene
 from sim.settings import settings_for
 from sim.solid_pieces import solid_pieces
@@ -101,7 +100,8 @@ def insertion_scene(
 ) -> InsertionScene:
     """Return the scene in which part `cone.part` goes in on top of all earlier ones.
 
-    `flat` are the convex pieces of a flat assembly, when they are already at hand. `below` is 'held' or 'free'.
+    `flat` are the convex pieces of a flat assembly with their contacts, when they are at hand. `below` is 'held' or
+    'free'.
     """
     index = cone.part
     model = insertion_model(assembly, contacts, index, clearance, flat)
@@ -122,27 +122,6 @@ def insertion_scene(
         Hand(index, stiffness, stiffness * far**2),
     )
     return InsertionScene(compile_scene(scene), cone, clearance, below, (np.concatenate(polygons),) if polygons else ())
-
-
-def with_clearance(assembly: Assembly, model: ContactModel, part: int, clearance: float) -> ContactModel:
-    """Return a flat model with `part` made smaller by `clearance` all around. The other parts keep their size.
-
-    Raises InputError when nothing of the part is left.
-    """
-    shape = assembly.parts[part].shape
-    assert isinstance(shape, Polygon)
-    smaller = shapely.buffer(to_shapely(shape), -clearance, join_style="mitre", mitre_limit=2.0)
-    if smaller.is_empty:
-        raise InputError(
-            f"Nothing of part '{assembly.parts[part].name}' is left with {clearance * 1e3:.3g} mm of clearance; "
-            "ask for less."
-        )
-    largest = max(shapely.get_parts(smaller), key=shapely.area)
-    rings = [shapely.get_coordinates(r)[:-1] for r in (largest.exterior, *largest.interiors)]
-    lone = replace(assembly.parts[part], shape=Polygon(rings[0], tuple(rings[1:]), shape.thickness))
-    mine = pieces(Assembly(assembly.name, (lone,), gravity=assembly.gravity)).geoms
-    others = tuple(g for g in model.geoms if g.part != part)
-    return ContactModel((*others, *(replace(g, part=part) for g in mine)), None)
 
 
 def insert(
@@ -186,14 +165,19 @@ def insert(
     force = depth = deviation = 0.0
     failure: str | None = None
     step = 0
+    mine = path.body if ready.below == "free" else None
+    # Views into `data`: asking for them anew after every step takes longer than a step of a small structure.
+    pushed, where, iterations, most = data.qfrc_constraint, data.qpos, data.solver_niter, model.opt.iterations
     if start_overlap <= hand.penetration * size:
         for step in range(1, path.steps + 1):
-            path.command(data, step)
+            data.ctrl[:] = path.commands[step]
             mujoco.mj_step(model, data)
-            failure = step_failure(model, data)
-            force = max(force, float(np.linalg.norm(data.qfrc_constraint[path.dof] * weights)))
-            depth = max(depth, _penetration(data, path.body if ready.below == "free" else None))
-            deviation = max(deviation, path.deviation(data, step, far))
+            force = max(force, float(np.linalg.norm(pushed[path.dof] * weights)))
+            depth = max(depth, _penetration(data, mine))
+            deviation = max(deviation, path.deviation(where, step, far))
+            # Warnings and numbers that are not finite stay; iterations are those of the last step alone.
+            if not step % LOOK or step == path.steps or iterations.max() >= most:
+                failure = step_failure(model, data)
             # Beyond ten times what is allowed nothing further can be learned.
             if failure is not None or force > 10.0 * allowed:
                 break
@@ -306,5 +290,4 @@ def insertion_model(
     """Return the contact model that stays true while `part`, smaller by `clearance`, travels."""
     if assembly.dimension == 3:
         return solid_pieces(assembly, contacts, part, clearance)
-    model = pieces(assembly) if flat is None else flat
-    return with_clearance(assembly, model, part, clearance) if clearance > 0.0 else model
+    return flat_pieces(assembly, pieces(assembly, contacts) if flat is None else flat, part, clearance)

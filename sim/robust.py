@@ -132,7 +132,7 @@ def robust_trial(
     if not found.stands:
         return {**row, "failure": f"structure {found.verdict}: {found.reason}", "kind": f"structure {found.verdict}"}
     if options.insert:
-        flat = pieces(drawn) if drawn.dimension == 2 else None
+        flat = pieces(drawn, contacts) if drawn.dimension == 2 else None
         for index, part in enumerate(drawn.parts):
             if part.fixed:
                 continue

@@ -29,7 +29,7 @@ from sim.states import StateResult, state_result
 from sim.tilt import TiltReport, azimuths, physical_tilt, tilt_scene
 from sim.trial_store import Row, Trial, TrialStore, run_trials
 
-METHOD = 7
+METHOD = 8
 """Raise it when verdicts are reached in another way: trials kept from before then run again."""
 Result = TypeVar("Result")
 
@@ -130,7 +130,7 @@ class _Work:
         return self._finished(replace(so_far, tilt=tuple(_restored(TiltReport, r) for r in rows)), complete)
 
     def insertion(self, so_far: Simulation) -> Simulation:
-        flat = pieces(self.assembly) if self.assembly.dimension == 2 else None
+        flat = pieces(self.assembly, self.contacts) if self.assembly.dimension == 2 else None
         trials: list[Trial] = []
         cones: list[ConeSummary] = []
         notes: list[str] = []

@@ -12,7 +12,7 @@ from mocca_robot.errors import InputError
 from sim.contact_model import facets
 from sim.directions import OUTSIDE, directions, insertion_cone
 from sim.hand import HandOptions, PlacingError
-from sim.insertion import insert, insertion_scene
+from sim.insertion import insert, insertion_model, insertion_scene
 from sim.tilt import physical_tilt, tilt_scene
 
 
@@ -171,3 +171,20 @@ def test_a_curved_solid_joint_lets_in_and_holds_what_its_cone_says(height):
         tilt = physical_tilt(compiled, contacts, azimuth)
         assert tilt.statics_rad > np.deg2rad(5.0)
         assert abs(tilt.difference_rad) < np.deg2rad(1.5)
+
+
+def test_resting_flat_parts_meet_only_where_they_share_a_contact_and_the_driven_one_meets_all():
+    assembly, contacts = jointed(stack(3))
+    model = insertion_model(assembly, contacts, 3, 0.0)
+    assert {g.role for g in model.geoms if g.part == 3} == {"point"}
+    assert {g.role for g in model.geoms if g.part < 3} == {"face"}
+    touching = {c.parts for c in contacts if 3 not in c.parts}
+    assert {(model.geoms[a].part, model.geoms[b].part) for a, b in model.pairs or ()} == touching
+
+
+def test_the_hand_is_where_it_should_be_after_every_step():
+    """Commands computed once for the whole path: without contact the part follows to rounding."""
+    assembly, contacts = jointed(stack(2))
+    cone = insertion_cone(assembly, contacts, 2)
+    found = insert(insertion_scene(assembly, contacts, cone), directions(cone, 1)[0])
+    assert found.succeeded and found.tracking_error < 1e-9
