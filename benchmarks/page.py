@@ -24,7 +24,8 @@ computer. Seconds are the median of a process's CPU time unless a line says othe
 clock by what ran beside. `kkt` is the relative residual of the optimality
 conditions, computed in the same way for every solver. Time limits are by the clock. Each chapter names the load at its
 end: where that is above the number of cores, others used the machine as well, and all times are longer than they would
-be on a quiet one. Chapters and cases that have not been measured are missing. [Performance](performance.md) says how to
+be on a quiet one. Cases that have not been measured are missing, chapters
+without any are named at the end. [Performance](performance.md) says how to
 run one of them.
 """
 CONFIGS_TEXT = """The article's times are those of its Table 1 (Knitro, 64 cores, wall clock); ours are CPU seconds
@@ -51,12 +52,16 @@ AGREEMENT_TEXT = """Assemblies judged by statics and by MuJoCo just below and ju
 
 
 def write_page(docs: Path = DOCS, folder: Path = FOLDER) -> Path:
-    """Return docs/benchmarks.md after writing it and its figures. Benchmarks that were not run are left out."""
-    chapters = []
+    """Return docs/benchmarks.md after writing it and its figures. Benchmarks that were not run are named at its end."""
+    chapters, missing = [], []
     for bench, (title, text) in CHAPTERS.items():
         run = read(path_of(bench, False, folder))
         if run is not None and run.rows:
             chapters.append(f"## {title}\n\n{_about(run)}\n\n{text(run, docs)}")
+        else:
+            missing.append((title, f"`python -m benchmarks {bench} --keep`"))
+    if missing:
+        chapters.append(f"## Not measured for this page\n\n{_table(('chapter', 'what measures it'), missing)}")
     page = INTRODUCTION + "\n" + "\n\n".join(chapters) + "\n"
     path = docs / "benchmarks.md"
     path.write_text(page, encoding="utf-8")

@@ -112,7 +112,12 @@ def test_the_page_has_a_chapter_per_benchmark_that_was_run(tmp_path: Path) -> No
         tmp_path,
     )
     text = write_page(tmp_path, tmp_path).read_text(encoding="utf-8")
-    assert re.findall("^## (.*)$", text, re.MULTILINE) == ["Growth", "Where the time goes"]
+    assert re.findall("^## (.*)$", text, re.MULTILINE) == [
+        "Growth",
+        "Where the time goes",
+        "Not measured for this page",
+    ]
+    assert "`python -m benchmarks friction --keep`" in text
     assert "| dome | 50 – 400 | 1.50 |" in text
     for figure in re.findall(r"\((figures/\S+\.svg)\)", text):
         assert ET.parse(tmp_path / figure).getroot().tag.endswith("svg")

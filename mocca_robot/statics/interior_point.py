@@ -40,6 +40,8 @@ NEAR_LOAD = 0.2
 """Distance of two loads of unit norm up to which the second starts from where the first came past."""
 GUESS_BELOW = 0.05
 """Gap below which pressing rays are guessed."""
+A_FEW_RAYS = 8
+"""Rays of a pair up to which the first slacks do not depend on their number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,9 +149,13 @@ def _iterated(problem: Problem, x: Iterate, past: Point | None) -> tuple[Array, 
 
 
 def _beginning(problem: Problem) -> Point:
-    """Return forces of the order of a part's weight and slacks of its velocity per unit of mass, no motion."""
+    """Return forces of the order of a part's weight and slacks of its velocity per unit of mass, no motion.
+
+    The more rays share a pair, the smaller their slacks: the gap sᵀz stays what one part is worth.
+    """
     weight = 1.0 / np.sqrt(len(problem.blocks.to_own))
-    slacks = np.maximum(problem.c, 0.03 * weight)
+    rays = max(len(problem.c) / max(len(problem.blocks.first), 1), A_FEW_RAYS)
+    slacks = np.maximum(problem.c, 0.03 * weight * A_FEW_RAYS / rays)
     return Point(np.zeros_like(problem.pull), slacks, np.full(len(slacks), weight))
 
 

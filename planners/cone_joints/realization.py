@@ -99,10 +99,7 @@ def polish(
             true = evaluate(problem, parameters)
             solved = not failing.any() and true.infeasibility[: problem.required].max(initial=0.0) <= SOLVED
             if (solved and violation <= VIOLATED) or count >= evaluations or (count and not (failing & ~working).any()):
-                left = true.infeasibility[: problem.required].max(initial=0.0)
-                if SOLVED < left < NEARLY_SOLVED:
-                    true = evaluate_built(problem, parameters)
-                return Polished(parameters, true.infeasibility, violation, count)
+                return _judged(problem, parameters, true, violation, count)
             # A few of the worst newcomers at a time: neighbouring states fail for the same reason.
             newcomers = np.argsort(-np.where(working, -1.0, with_reserve.infeasibility))[:4]
             working[newcomers[failing[newcomers]]] = True
@@ -113,6 +110,19 @@ def polish(
         before = Polishing(parameters, working.copy(), count)
         parameters, used = descend(part, descent, evaluations - count, _watching(before, watch))
         count, descent = count + used, None
+
+
+def as_it_is(problem: Problem, parameters: Parameters) -> Polished:
+    """Return what `parameters` achieve without any step."""
+    return _judged(problem, parameters, evaluate(problem, parameters), violation_of(problem, parameters), 0)
+
+
+def _judged(problem: Problem, parameters: Parameters, true: EnergyResult, violation: float, count: int) -> Polished:
+    """Return the result of polishing; required cases that nearly hold are judged by every facet."""
+    left = true.infeasibility[: problem.required].max(initial=0.0)
+    if SOLVED < left < NEARLY_SOLVED:
+        true = evaluate_built(problem, parameters)
+    return Polished(parameters, true.infeasibility, violation, count)
 
 
 def _watching(round_: Polishing, watch: Watch | None) -> Callable[[Descent, EnergyResult], None] | None:
