@@ -17,7 +17,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 WORKERS ?= 2
-BENCHES ?= agreement agreement_configs contacts statics friction tilt_sweep states baseline configs growth physics plans profile builds
+BENCHES ?= agreement agreement_configs insertions contacts statics friction tilt_sweep states baseline configs growth physics plans profile builds
 QUICK ?= configs contacts statics friction baseline growth
 COMPAS := .venv-compas
 ifneq ($(wildcard $(COMPAS)/bin/python),)

@@ -60,7 +60,7 @@ def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement
     from benchmarks.builds import builds
     from benchmarks.contacts import contacts
     from benchmarks.growth import growth
-    from benchmarks.physics import physics
+    from benchmarks.physics import insertions, physics
     from benchmarks.plans import plans
     from benchmarks.profile import profile
     from benchmarks.states import states
@@ -76,6 +76,7 @@ def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement
         "baseline": design_baseline.baseline,
         "configs": design_baseline.configs,
         "growth": growth,
+        "insertions": insertions,
         "physics": physics,
         "plans": plans,
         "profile": profile,

@@ -1,4 +1,4 @@
-"""MuJoCo: steps and insertion trials per second over the number of threads."""
+"""MuJoCo: steps and insertion trials per second over the number of threads, and every configuration's insertions."""
 
 from __future__ import annotations
 
@@ -10,13 +10,17 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.measurement import Measurement, Outcome, measure
-from mocca_robot.assembly import Assembly
+from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import find_contacts
 from mocca_robot.files.config import load
 from planners.cone_joints.designer import design
+from sim.questions import Questions
+from sim.simulate import simulate
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 NAMES = ("leaning_tower_20", "horse", "pavilion")
+CLEARANCES = (0.0, 1e-4, 3e-4)
+"""Metres by which the driven part is made smaller all around."""
 STEPS = 400
 """Of each thread; MuJoCo lets go of Python's lock for all of them at once."""
 
@@ -44,6 +48,38 @@ def physics(quick: bool = False, only: str | None = None) -> Iterator[Measuremen
                 yield measure("physics", f"{name} insertions-{threads}", "mujoco", trials, limit_s=300.0, repeats=1)
 
 
+def insertions(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
+    """Yield a row per configuration: insertions inside its cones and just outside, by clearance; flat ones when quick.
+
+    A row agrees when all inside succeed, within the force that the hand's error and 5 % of the weight allow, and none
+    outside do.
+    """
+    for path in sorted(CONFIGS.glob("*.yaml")):
+        if only is not None and only not in path.stem:
+            continue
+        config = load(path)
+        if quick and config.assembly.dimension == 3:
+            continue
+        built = design(config.assembly, config.joints, insertion=dict(config.insertion) or None).design
+        run = partial(_insertions, built.assembly, {i.part: i.direction for i in built.insertion})
+        yield measure("insertions", path.stem, "mujoco", run, limit_s=3600.0, repeats=1)
+
+
+def _insertions(assembly: Assembly, ways: dict[str, Array]) -> Outcome:
+    asked = Questions(stages=("insertion",), clearances=CLEARANCES, threads=1)
+    trials = simulate(assembly, ways, asked).insertion
+    inside = [t for t in trials if t.kind != "outside"]
+    outside = [t for t in trials if t.kind == "outside"]
+    failed = [t for t in inside if not t.succeeded]
+    passed = sum(t.succeeded for t in outside)
+    said = [f"{len(inside) - len(failed)} of {len(inside)} inside", f"{passed} of {len(outside)} outside"]
+    for clearance in CLEARANCES:
+        mine = [t.peak_force / t.allowed_force for t in inside if t.clearance == clearance]
+        said.append(f"{clearance * 1e3:g} mm: force at most {max(mine, default=0.0):.0%} of what is allowed")
+    said += [f"'{t.part}' {t.kind}, {t.clearance * 1e3:g} mm, {t.below}: {t.reason}" for t in failed[:5]]
+    return Outcome(f"{'DISAGREE' if failed or passed else 'agree'}: {'; '.join(said)}")
+
+
 def _steps(assembly: Assembly, threads: int) -> Outcome:
     import mujoco
     from mujoco import rollout  # noqa: F401  (fails early where MuJoCo is incomplete)
@@ -65,12 +101,9 @@ def _steps(assembly: Assembly, threads: int) -> Outcome:
     return Outcome(f"{rate:.0f} steps/s, {threads} threads")
 
 
-def _trials(assembly: Assembly, ways: dict[str, object], threads: int) -> Outcome:
-    from sim.questions import Questions
-    from sim.simulate import simulate
-
+def _trials(assembly: Assembly, ways: dict[str, Array], threads: int) -> Outcome:
     asked = Questions(stages=("insertion",), directions=4, clearances=(0.0,), errors=(), threads=threads)
     started = time.perf_counter()
-    found = simulate(assembly, ways, asked)  # type: ignore[arg-type]
+    found = simulate(assembly, ways, asked)
     rate = len(found.insertion) / (time.perf_counter() - started)
     return Outcome(f"{rate:.1f} trials/s, {threads} threads, {len(found.insertion)} trials")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from mocca_robot.assembly import Array, Assembly, Mesh, Part, Polygon
@@ -69,3 +71,16 @@ def tongue(rise: float) -> Assembly:
     arm = Part("arm", Polygon(np.array([*back, [length, -height], [length, height]])))
     wall = Part("wall", Polygon(np.array([[-0.1, -height], *reversed(back), [-0.1, height]])), fixed=True)
     return Assembly("tongue", (wall, arm))
+
+
+def semicircle(thickness: float, blocks: int = 27) -> Assembly:
+    """Return a half circle of voussoirs of mean radius 1 m between two fixed feet."""
+    inner, outer = 1.0 - 0.5 * thickness, 1.0 + 0.5 * thickness
+    turns = np.linspace(np.pi, 0.0, blocks + 1)
+    spokes = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    feet = (Part(n, rectangle(x, -0.1, thickness, 0.1), fixed=True) for n, x in (("left", -outer), ("right", inner)))
+    stones = (
+        Part(f"v{k}", Polygon(np.array([inner * a, inner * b, outer * b, outer * a])))
+        for k, (a, b) in enumerate(itertools.pairwise(spokes))
+    )
+    return Assembly("half circle", (*feet, *stones))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from physics_models import WIDTH, box_stack_3d, jointed, rectangle, stack, tongue
+from physics_models import WIDTH, box_stack_3d, jointed, rectangle, semicircle, stack, tongue
 
 from benchmarks.agreement import Comparison, random_case
 from benchmarks.random_assemblies import random_assembly
@@ -40,6 +40,7 @@ def test_a_block_slides_down_a_slope_from_atan_mu(friction, side, kind):
     model = pieces(block) if kind == "pieces" else facets(block, contacts)
     angle = np.arctan(friction) + side * np.deg2rad(0.5)
     assert let_go(block, angle, friction, model).stands == (side < 0)
+    assert solve_case(block, contacts, case_at(block, angle, 0.0), friction).result.stands == (side < 0)
 
 
 @pytest.mark.parametrize("blocks", [1, 3, 10])
@@ -51,11 +52,22 @@ def test_a_stack_tips_over_at_atan_width_over_height(blocks):
     assert not found.failed
 
 
-@pytest.mark.parametrize(("share", "stands"), [(0.05, True), (0.2, False)])
+@pytest.mark.parametrize(("thickness", "stands"), [(0.09, False), (0.105, False), (0.11, True), (0.12, True)])
+def test_an_arch_stands_from_its_least_thickness(thickness, stands):
+    """27 voussoirs over a half circle of radius 1, friction 0.55: the limit is about 0.1075, in both engines."""
+    assembly = semicircle(thickness)
+    contacts = find_contacts(assembly).contacts
+    assert solve_case(assembly, contacts, case_at(assembly, 0.0, 0.0), 0.55).result.stands == stands
+    assert let_go(assembly, 0.0, 0.55, contact_model(assembly, contacts, 0.55)).stands == stands
+
+
+@pytest.mark.parametrize(("share", "stands"), [(0.05, True), (0.09, True), (0.11, False), (0.2, False)])
 def test_shifted_cubes_stand_up_to_their_overhang_limit(share, stands):
-    """Ten cubes, each shifted by a share of its width: the limit is 0.10."""
+    """Ten cubes, each shifted by a share of its width: the limit is 0.10, in both engines."""
     assembly = stack(10, share * WIDTH)
-    found = let_go(assembly, 0.0, 0.5, facets(assembly, find_contacts(assembly).contacts))
+    contacts = find_contacts(assembly).contacts
+    assert solve_case(assembly, contacts, case_at(assembly, 0.0, 0.0), 0.5).result.stands == stands
+    found = let_go(assembly, 0.0, 0.5, facets(assembly, contacts))
     assert found.stands == stands
     assert bool(found.moved) == (not stands)
 
