@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from types import TracebackType
 
 import numpy as np
@@ -18,43 +17,20 @@ from mocca_robot.errors import InputError
 from mocca_robot.ur.gripper import Grip
 from mocca_robot.ur.guards import SEATING_PACE, PushGuard, arrived, check_forces, check_path, check_start
 from mocca_robot.ur.limits import Limits
-from mocca_robot.ur.plan import MoveKind, Plan, Step, Waypoint
+from mocca_robot.ur.plan import Plan, Waypoint
 from mocca_robot.ur.pose import Three, pose_of, six
 from mocca_robot.ur.status import ArmState, ExecutionEvent, ExecutionStatus, Outcome
 from mocca_robot.ur.supervision import Stopped
 from planners.robot.tool import SuctionGripper
-from sim.cell_cup import overload, sealed, suck
+from sim.cell_build import Build, phases, settle, speeds
+from sim.cell_cup import overload
 from sim.cell_force import touched
-from sim.cell_model import Moment, Phase, Pose, Workplace, seat
-from sim.cell_world import FRAME_S, CannotBelieve, CellWorld, Frame
+from sim.cell_hand import Hand, Track
+from sim.cell_model import Pose, Workplace, seat
+from sim.cell_world import FRAME_S, CellWorld, Frame
 
-FINGER_SPEED_M_S = 0.05
-GRIP_TIMEOUT_S = 3.0
-STILL_M_S = 2e-4
-BLOCKED_M = 2e-4
-"""Fingers that stop farther than this from where they were sent have been stopped by something."""
 COMPLIANCE = 1.0
 """Share of the insertion speed with which the hand gives way sideways at a force as large as the push."""
-
-
-@dataclass
-class Track:
-    """What happened to the part in hand, filled in as it happens. Lengths in metres, angles in radians.
-
-    Attributes:
-        width_m: opening at which the fingers closed on it.
-        held: it was still in the hand when it was to be let go.
-        slip_m, slip_rad: how far it moved in the hand from pick to release.
-        peak_insert_n: largest force felt while it was pushed in.
-        touches: what touched that should not, with the largest force, newtons.
-    """
-
-    width_m: float | None = None
-    held: bool | None = None
-    slip_m: float | None = None
-    slip_rad: float | None = None
-    peak_insert_n: float = 0.0
-    touches: dict[str, float] = field(default_factory=dict)
 
 
 class SimulatedCell:
@@ -62,9 +38,6 @@ class SimulatedCell:
 
     Give `heed` to the executor as its listener: it says which part is next, and that moves the cell from one moment of
     the build to the next. `waiting` are the poses of parts in the tray; `speed` plays free motions that much faster.
-
-    Parts are let go gently: until the fingers are open, velocities are removed after every step, so that the forces
-    between parts build up as they would under a calm hand (see `sim.motion.run`). That holds up nothing that falls.
     """
 
     def __init__(
@@ -79,17 +52,13 @@ class SimulatedCell:
         self.place = place
         self.plan = plan
         self.limits: Limits = plan.cell.limits
-        self.track = Track()
         self._speed = speed
         self._cancelled = cancelled
-        self._parts = place.assembly.parts
-        self._held = {k for k, p in enumerate(self._parts) if p.fixed}
-        self._free: set[int] = set()
-        self._supported = {place.assembly.index(name) for name in plan.supports}
-        fixed = {k: seat(self._parts[k]) for k in self._held}
+        self._build = Build(place, plan)
+        fixed = {k: seat(place.assembly.parts[k]) for k in self._build.held}
         self._world = CellWorld(place, {**waiting, **fixed}, FRAME_S / speed)
+        self._hand = Hand(self._world, place.cell.gripper, self._watch)
         self._current = ""
-        self._grasp: tuple[Array, Array] | None = None
         self._bias = np.zeros(6)
         self._refusal = ""
 
@@ -97,7 +66,7 @@ class SimulatedCell:
 
     def __enter__(self) -> SimulatedCell:
         opening = self.plan.steps[0].moves[0].gripper_m
-        self._world.begin(self._at("fetch", None), np.array(self.plan.first_waypoint.q), opening)
+        self._world.begin(self._build.at("fetch", None), np.array(self.plan.first_waypoint.q), opening)
         return self
 
     def __exit__(
@@ -129,45 +98,27 @@ class SimulatedCell:
         step = self.plan.steps[event.step]
         moving = self.place.assembly.index(step.part)
         if event.event == "step_started":
-            self.track, self._current = Track(), f"part {step.part}"
-            self._world.enter(self._at("fetch", moving))
+            self._hand.track, self._current = Track(), f"part {step.part}"
+            self._world.enter(self._build.at("fetch", moving))
             return
         assert event.move is not None
         phase = phases(step)[event.move]
         if self._world.moment.phase == phase:
             return
         if phase == "rest":
-            self._measure_slip()
-            if moving in self._supported:
-                self._held.add(moving)
-        self._world.enter(self._at(phase, None if phase == "rest" and moving in self._held else moving))
-        gripper, world = self.place.cell.gripper, self._world
-        if world.cup is not None and world.gripped and isinstance(gripper, SuctionGripper):
-            assert self._grasp is not None
-            suck(world, gripper, self._grasp)
-
-    def _at(self, phase: Phase, moving: int | None) -> Moment:
-        return Moment(phase, moving, self.free, tuple(sorted(self._held)))
+            self._hand.measure_slip(self._current)
+            self._world.enter(self._build.released(moving))
+        else:
+            self._world.enter(self._build.at(phase, moving))
+        self._hand.keep()
 
     def settle(self, part: int | None, longest_s: float, resting: Callable[[Array], bool]) -> float:
         """Leave the structure alone until `resting` says so of its parts' speeds (F,), m/s; return the seconds it took.
 
         `part` counts as built from now on: held by its support if it has one. With None the supports are taken away.
         """
-        if part is not None:
-            (self._held if part in self._supported else self._free).add(part)
-        else:
-            self._free |= self._held & self._supported
-            self._held -= self._supported
-        world = self._world
-        world.enter(self._at("rest", None))
-        started, goal = world.time_s, np.array(world.data.qpos[:6])
-        while world.time_s - started < longest_s:
-            world.advance(goal, np.zeros(6))
-            world.remember()
-            if world.time_s - started >= 0.2 and resting(self.speeds()):
-                break
-        return world.time_s - started
+        self._world.enter(self._build.without_supports() if part is None else self._build.placed(part))
+        return settle(self._world, longest_s, lambda: resting(self.speeds()))
 
     def put(self, part: int, pose: Pose) -> None:
         """Have a part that is not in hand lie elsewhere, as a person might leave it."""
@@ -179,36 +130,25 @@ class SimulatedCell:
 
     def hold_key(self, parts: Sequence[int]) -> None:
         """Hold those of `parts` that are built: the design of the finished structure asks for it."""
-        there = set(parts) & (self._held | self._free)
-        self._held |= there
-        self._free -= there
-        self._supported -= there
+        self._build.hold_key(parts)
+
+    @property
+    def track(self) -> Track:
+        """Return what happened to the part of the present step so far."""
+        return self._hand.track
 
     @property
     def free(self) -> tuple[int, ...]:
         """Return the parts that are built and held by nothing but the structure."""
-        return tuple(sorted(self._free))
+        return self._build.free
 
     def speeds(self) -> Array:
         """Return (F,) how fast the free parts move, m/s: of their centres, and of their outermost points by turning."""
-        return np.array([self._world.speed(k) for k in self.free])
+        return speeds(self._world, self.free)
 
     def pose(self, part: int) -> Pose:
         """Return where a part was when it was last looked at."""
         return self._world.poses[part]
-
-    def _measure_slip(self) -> None:
-        world, now = self._world, self._world.in_hand()
-        if now is None or self._grasp is None:
-            return
-        if world.cup is None:
-            pads = touched(world.model, world.data, world.bodies(world.fingers))
-            self.track.held = any(words.endswith(self._current) for words in pads)
-        else:
-            self.track.held = bool(world.data.eq_active[world.cup])
-        self.track.slip_m = float(np.linalg.norm(now[0] - self._grasp[0]))
-        cosine = 0.5 * (float(np.trace(now[1].T @ self._grasp[1])) - 1.0)
-        self.track.slip_rad = float(np.arccos(min(1.0, max(-1.0, cosine))))
 
     # Supervision
 
@@ -238,7 +178,7 @@ class SimulatedCell:
         if self._cancelled():
             raise Stopped(ExecutionStatus.CANCELLED, "interrupted", state)
         if isinstance(gripper, SuctionGripper) and (words := overload(world, gripper)):
-            self._let_go()
+            self._hand.let_go()
             raise Stopped(ExecutionStatus.DEVIATED, words, state)
         for words, newtons in touched(world.model, world.data, world.hand).items():
             if not self._expected(words):
@@ -363,58 +303,11 @@ class SimulatedCell:
             return joints
 
     def grip(self, width_m: float, force_n: float) -> tuple[Outcome, Grip]:
-        """Move the fingers to an opening, with at most `force_n`, and say where they stopped."""
-        world = self._world
-        if not world.fingers:
-            return self._suction(width_m)
+        """Move the fingers to an opening, with at most `force_n`, or switch the vacuum; see `interface.Arm`."""
         try:
-            self._watch()
-            world.model.actuator_forcerange[6:8] = [-force_n, force_n]
-            joints, opening = np.array(world.data.ctrl[:6]), float(world.data.qpos[6:8].sum())
-            closing = width_m < opening
-            if not closing:
-                self._let_go()
-                world.gently = world.moment.phase == "rest"
-            target, still, end = opening, 0, world.time_s + GRIP_TIMEOUT_S
-            while still < 10 and world.time_s <= end:
-                reach, gap = FINGER_SPEED_M_S * world.cycle_s, width_m - target
-                target += float(np.clip(gap, -reach, reach))
-                world.data.ctrl[6:8] = 0.5 * target
-                world.advance(joints, np.zeros(6))
-                self._watch()
-                quiet = abs(gap) < 1e-9 and float(np.abs(world.data.qvel[6:8]).max()) < STILL_M_S
-                still = still + 1 if quiet else 0
-            world.gently = False
-            reached = float(world.data.qpos[6:8].sum())
-            blocked = abs(reached - width_m) > BLOCKED_M
-            if closing and blocked:
-                self._take(reached)
-            return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), Grip(reached, blocked)
+            grip = self._hand.grip(width_m, force_n)
+            return Outcome(ExecutionStatus.SUCCEEDED, "", self._state()), grip
         except Stopped as stop:
-            world.gently = False
-            return self._end(stop), Grip(None, None)
-
-    def _suction(self, width_m: float) -> tuple[Outcome, Grip]:
-        """Switch the vacuum on at opening 0, off at any other; the cup holds what lies at its lip."""
-        gripper, world = self.place.cell.gripper, self._world
-        assert isinstance(gripper, SuctionGripper)
-        try:
-            self._watch()
-            if width_m > 0.5 * gripper.RELEASED_M:
-                self._let_go()
-                world.gently = world.moment.phase == "rest"
-                world.hold(0.3)
-                world.gently = False
-                return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), Grip(None, None, False)
-            world.hold(0.3)
-            holds = sealed(world, gripper)
-            if holds:
-                self._take(0.0)
-                assert self._grasp is not None
-                suck(world, gripper, self._grasp)
-            return Outcome(ExecutionStatus.SUCCEEDED, "", self._watch()), Grip(None, None, holds)
-        except Stopped as stop:
-            world.gently = False
             return self._end(stop), Grip(None, None)
 
     def stop(self) -> bool:
@@ -422,39 +315,10 @@ class SimulatedCell:
         self._world.hold(0.3)
         return bool(np.abs(self._world.data.qvel[:6]).max() < 0.01)
 
-    def _take(self, width_m: float) -> None:
-        """The part is in the hand: its nest holds it no longer."""
-        self.track.width_m = width_m
-        self._world.gripped = True
-        self._world.carry(by_nest=False)
-        self._grasp = self._world.in_hand()
-
-    def _let_go(self) -> None:
-        world = self._world
-        world.gripped = False
-        if world.cup is not None:
-            world.data.eq_active[world.cup] = 0
-        world.remember()
-        world.carry(by_nest=True)
-
     def _end(self, stop: Stopped, waypoint: int | None = None) -> Outcome:
         """Return the outcome of a motion that must end, after ending it."""
         still = self.stop()
         return Outcome(stop.status, stop.detail, stop.state, waypoint, None, still)
-
-
-def phases(step: Step) -> tuple[Phase, ...]:
-    """Return the phase of the build in which each move of `step` happens.
-
-    A part meets its neighbours from the guarded approach before its insertion on, and rests once it is released.
-    """
-    kinds = [m.kind for m in step.moves]
-    insert = kinds.index(MoveKind.INSERT) if MoveKind.INSERT in kinds else len(kinds)
-    near = insert
-    while near > 0 and kinds[near - 1] is MoveKind.APPROACH:
-        near -= 1
-    release = next((k for k in range(insert, len(kinds)) if kinds[k] is MoveKind.RELEASE), len(kinds))
-    return tuple("fetch" if k < near else "insert" if k < release else "rest" for k in range(len(kinds)))
 
 
 def _at(times: Array, values: Array, t: float) -> Array:
@@ -463,6 +327,3 @@ def _at(times: Array, values: Array, t: float) -> Array:
         return np.asarray(values[0])
     u = min(1.0, max(0.0, (t - times[k]) / (times[k + 1] - times[k])))
     return np.asarray(values[k] + u * (values[k + 1] - values[k]))
-
-
-__all__ = ["CannotBelieve", "Frame", "SimulatedCell", "Track", "phases"]

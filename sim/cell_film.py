@@ -15,8 +15,8 @@ from mocca_robot.report.rehearsal import CellFilm, Chapter, ShownBody
 from mocca_robot.ur.links import capsules
 from mocca_robot.ur.models import RobotModel
 from planners.robot.tool import Gripper, SuctionGripper
-from sim.cell import Frame
 from sim.cell_model import Workplace
+from sim.cell_world import Frame
 from sim.contact_model import embed
 from sim.film import FilmOptions, rendered, write_images
 from sim.mjcf import colour

@@ -27,8 +27,10 @@ from mocca_robot.ur.pose import rotation_matrix, transform
 from mocca_robot.ur.status import ExecutionEvent, ExecutionStatus
 from planners.robot.cell import cell_of
 from planners.robot.site import site
-from sim.cell import CannotBelieve, Frame, SimulatedCell, Track
+from sim.cell import SimulatedCell
+from sim.cell_hand import Track
 from sim.cell_model import Pose, Workplace, seat, workplace
+from sim.cell_world import CannotBelieve, Frame
 
 
 @dataclass(frozen=True)

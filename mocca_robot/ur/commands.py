@@ -136,6 +136,7 @@ def _build(
     from mocca_robot.ur.executor import execute
     from mocca_robot.ur.journal import Journal
     from mocca_robot.ur.link import prefer_this_process, require_client
+    from mocca_robot.ur.preflight import QUESTION_S, questions
 
     require_sound(plan)
     require_client()
@@ -165,6 +166,13 @@ def _build(
                 if first >= len(plan.steps):
                     return _report(
                         args.json, {"status": "succeeded", "detail": "every step is finished", "journal": str(target)}
+                    )
+                if not args.json:
+                    places = sum(1 for _ in questions(plan, first))
+                    print(
+                        f"before it moves, {places} places are put to the robot's own safety limits: "
+                        f"about {places * QUESTION_S:.0f} s",
+                        flush=True,
                     )
                 result = execute(plan, arm, journal, first, say)
     finally:

@@ -154,8 +154,10 @@ class UrArm:
         self._watch()
         pose = self._hands_call("isPoseWithinSafetyLimits", list(point.tcp))
         joints = self._hands_call("isJointsWithinSafetyLimits", list(point.q))
+        if pose is True and joints is True:
+            return True
         self._watch()  # a stopped program makes the library answer False, too
-        return pose is True and joints is True
+        return False
 
     # Settings
 

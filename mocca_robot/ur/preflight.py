@@ -15,7 +15,9 @@ from mocca_robot.ur.pose import angle_rad, distance_m
 from mocca_robot.ur.status import ArmState
 
 SAFETY_SPACING_M = 0.05
-"""The controller is asked about waypoints at least this far apart, and about every end: it takes 20 ms a question."""
+"""The controller is asked about waypoints at least this far apart, and about every end."""
+QUESTION_S = 0.04
+"""What a question takes, a few cycles of the controller's: a plan of forty parts has three thousand."""
 
 
 def require_robot(host: str, plan: Plan, confirm: str) -> Identity:
@@ -87,21 +89,27 @@ def blocking_findings(
             f"{1e3 * far:.1f} mm away, limit {limits.start_joint_rad:g} rad and {1e3 * limits.start_distance_m:g} mm; "
             f"move it to joint angles {np.round(first.q, 4).tolist()} with the pendant"
         )
+    for i, k, w, place in questions(plan, first_step):
+        if not safe(place):
+            step, move = plan.steps[i], plan.steps[i].moves[k]
+            yield (
+                f"step {i} ({step.part}), move {k} ({move.kind}), waypoint {w}: outside the controller's safety "
+                f"limits: {np.round(place.tcp[:3], 3).tolist()} m; plan inside them, or have the "
+                "safety configuration reviewed"
+            )
+
+
+def questions(plan: Plan, first_step: int) -> Iterator[tuple[int, int, int, Waypoint]]:
+    """Yield the places that the controller is asked about, each once, with their step, move and waypoint."""
     asked: set[Waypoint] = set()
     for i in range(first_step, len(plan.steps)):
         for k, move in enumerate(plan.steps[i].moves):
             for path in (move.path, *move.alternatives):
                 for w in spaced(path):
                     place = replace(path[w], t=0.0)
-                    if place in asked:
-                        continue
-                    asked.add(place)
-                    if not safe(place):
-                        yield (
-                            f"step {i} ({plan.steps[i].part}), move {k} ({move.kind}), waypoint {w}: outside the "
-                            f"controller's safety limits: {np.round(path[w].tcp[:3], 3).tolist()} m; plan inside them, "
-                            "or have the safety configuration reviewed"
-                        )
+                    if place not in asked:
+                        asked.add(place)
+                        yield i, k, w, place
 
 
 def spaced(path: tuple[Waypoint, ...]) -> list[int]:
