@@ -84,10 +84,7 @@ def _execution(name: str, plan: Plan, folder: Path) -> Measurement:
     from mocca_robot.ur.driver import UrArm
     from mocca_robot.ur.executor import execute
     from mocca_robot.ur.journal import Journal
-    from mocca_robot.ur.link import prefer_this_process
 
-    # The driver watches a clock of 100 ms: other work on this computer must not come first.
-    prefer_this_process()
     started = time.perf_counter()
     with (
         _fake(folder / "plan.json", plan),

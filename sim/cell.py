@@ -107,7 +107,8 @@ class SimulatedCell:
             return
         if phase == "rest":
             self._hand.measure_slip(self._current)
-            self._world.enter(self._build.released(moving))
+            self._world.remember()
+            self._world.enter(self._build.released(moving, self._world.poses[moving]))
         else:
             self._world.enter(self._build.at(phase, moving))
         self._hand.keep()

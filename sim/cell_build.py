@@ -8,15 +8,16 @@ import numpy as np
 
 from mocca_robot.assembly import Array
 from mocca_robot.ur.plan import MoveKind, Plan, Step
-from sim.cell_model import Moment, Phase, Workplace
+from sim.cell_model import Moment, Phase, Pose, Workplace
 from sim.cell_world import CellWorld
 
 
 class Build:
-    """The structure as it grows. A part that its support takes over is held where it is then.
+    """The structure as it grows. A part that its support takes over is held where it is then; what is pushed in beside
+    it can press it aside, as far as the support gives.
 
     Attributes:
-        held: parts that cannot move: fixed ones, and those that something holds.
+        held: parts that are built and held: fixed ones, and those that something holds.
     """
 
     def __init__(self, place: Workplace, plan: Plan) -> None:
@@ -24,6 +25,12 @@ class Build:
         self.held = {k for k, p in enumerate(parts) if p.fixed}
         self._free: set[int] = set()
         self._supported = {place.assembly.index(name) for name in plan.supports}
+        self._taken: dict[int, Pose] = {}
+        self._beside: dict[int, set[int]] = {k: set() for k in range(len(parts))}
+        for contact in place.contacts:
+            a, b = contact.parts
+            self._beside[a].add(b)
+            self._beside[b].add(a)
 
     @property
     def free(self) -> tuple[int, ...]:
@@ -32,12 +39,15 @@ class Build:
 
     def at(self, phase: Phase, moving: int | None) -> Moment:
         """Return the moment with what is built now."""
-        return Moment(phase, moving, self.free, tuple(sorted(self.held)))
+        beside = self._beside[moving] if moving is not None and phase == "insert" else set()
+        yielding = {k: p for k, p in sorted(self._taken.items()) if k in beside and k in self.held}
+        return Moment(phase, moving, self.free, tuple(sorted(self.held - set(yielding))), tuple(yielding.items()))
 
-    def released(self, part: int) -> Moment:
-        """Return the moment in which `part` is let go: from now on its support holds it, if it has one."""
+    def released(self, part: int, pose: Pose) -> Moment:
+        """Return the moment in which `part` is let go at `pose`: its support, if it has one, takes it over there."""
         if part in self._supported:
             self.held.add(part)
+            self._taken[part] = pose
         return self.at("rest", None if part in self.held else part)
 
     def placed(self, part: int) -> Moment:

@@ -7,14 +7,11 @@ import numpy as np
 from mocca_robot.assembly import Array, IntArray
 from planners.robot.tool import SuctionGripper
 from sim.cell_world import CellWorld
+from sim.weld import soften
 
 Grasp = tuple[Array, Array]
 """Where a part is in the flange's frame, (3,) and (3, 3)."""
 
-IMPEDANCE = 0.95
-"""Of the weld with which a part hangs on a cup."""
-LEAST_STEPS = 2.5
-"""Time constants of fewer steps are not stable."""
 BACK_M = 0.02
 """The part is looked for from this far behind the lip."""
 
@@ -45,35 +42,10 @@ def suck(world: CellWorld, gripper: SuctionGripper, grasp: Grasp) -> None:
     assert world.cup is not None
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, np.ascontiguousarray(grasp[1]).ravel())
-    part = int(world.model.body(world.moving_name).id)
-    solref, scale = weld_of(
-        gripper.stiffness_n_m,
-        gripper.stiffness_nm_rad,
-        world.model.body_invweight0[part] + world.model.body_invweight0[world.flange],
-        float(world.model.opt.timestep),
-    )
     data = world.model.eq_data[world.cup]
-    data[:3], data[3:6], data[6:10], data[10] = 0.0, grasp[0], quat, scale
-    world.model.eq_solref[world.cup], world.model.eq_solimp[world.cup, :2] = solref, IMPEDANCE
+    data[:3], data[3:6], data[6:10] = 0.0, grasp[0], quat
+    soften(world.model, world.cup, gripper.stiffness_n_m, gripper.stiffness_nm_rad)
     world.data.eq_active[world.cup] = 1
-
-
-def weld_of(
-    stiffness_n_m: float, stiffness_nm_rad: float, inverse_weights: Array, timestep_s: float
-) -> tuple[Array, float]:
-    """Return `solref` (2,) and the torque scale of a weld that gives like a spring under a steady load.
-
-    `inverse_weights` (2,) are the sums of both bodies' `body_invweight0`, 1/kg and 1/(kg m²). At rest a constraint of
-    impedance d and regularisation R = (1 - d)/d × inverse weight gives way by R/k per newton, with k = 1/(d T²) of its
-    time constant T at critical damping; half the angle counts as a length by the torque scale. A weld cannot be
-    stiffer than T of a few steps allows: then it is softer than asked.
-    """
-    give = (1.0 - IMPEDANCE) / IMPEDANCE
-    rate = stiffness_n_m * give * float(inverse_weights[0])
-    time = max(float(1.0 / np.sqrt(IMPEDANCE * rate)), LEAST_STEPS * timestep_s)
-    rate = 1.0 / (IMPEDANCE * time**2)
-    scale = 2.0 * float(np.sqrt(stiffness_nm_rad * give * float(inverse_weights[1]) / rate))
-    return np.array([time, 1.0]), scale
 
 
 def overload(world: CellWorld, gripper: SuctionGripper) -> str:

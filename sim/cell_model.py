@@ -31,6 +31,7 @@ from sim.inertia import inertia
 from sim.scene import add_shape
 from sim.settings import Settings, settings_for
 from sim.solid_pieces import solid_pieces
+from sim.weld import soften
 
 Phase = Literal["fetch", "insert", "rest"]
 
@@ -44,6 +45,10 @@ GRIP_IMPRATIO = 100.0
 """Friction this much stiffer than normal contact: at 10 a part turns by 7° between the fingers in half a minute."""
 LAYERS = 0.8
 """Flat parts touch at two depths, this share of their thickness apart: so they do not topple out of their plane."""
+SUPPORT_N_M = 2.5e4
+"""How stiffly a support holds a part: as an arm holds it, which gives 0.4 mm under 10 N."""
+SUPPORT_SPREAD = 0.25
+"""Of a part's size: so far from its middle its support holds it, as to turning."""
 MOVING, POINT = 8, 16
 """Further collision bits: the outer surface of a travelling solid, and the points of its joints."""
 
@@ -83,12 +88,22 @@ class Workplace:
 
 @dataclass(frozen=True)
 class Moment:
-    """One moment of a build, by part indices: what travels, what is built and free, what is built and held."""
+    """One moment of a build, by part indices: what travels, what is built and free, what is built and held.
+
+    `yielding` are parts whose supports give way to what is pushed in beside them, and where these took them over.
+    """
 
     phase: Phase
     moving: int | None
     free: tuple[int, ...]
     held: tuple[int, ...]
+    yielding: tuple[tuple[int, Pose], ...] = ()
+
+    @property
+    def loose(self) -> tuple[int, ...]:
+        """Return the parts that can move."""
+        still = self.free if self.phase != "fetch" else ()
+        return (*still, *(k for k, _ in self.yielding), *(() if self.moving is None else (self.moving,)))
 
 
 def workplace(
@@ -124,7 +139,7 @@ def compile_moment(place: Workplace, moment: Moment, poses: Mapping[int, Pose]) 
     import mujoco
 
     listen()
-    settings = settings_for(place.assembly, place.friction, len(moment.free) + 1)
+    settings = settings_for(place.assembly, place.friction, len(moment.free) + len(moment.yielding) + 1)
     spec = mujoco.MjSpec()
     _options(spec, settings, TRAVEL_STEP if moment.phase == "fetch" else 1.0)
     base = place.turn.T @ -place.shift
@@ -132,10 +147,8 @@ def compile_moment(place: Workplace, moment: Moment, poses: Mapping[int, Pose]) 
     mujoco.mju_mat2Quat(quat, np.ascontiguousarray(place.turn.T).ravel())
     add_arm(spec, place.cell, base, quat, place.pad_friction)
     _add_table(spec, place, base, quat)
-    loose = {k for k in (moment.moving, *(moment.free if moment.phase != "fetch" else ())) if k is not None}
-    waits = moment.phase == "fetch"
-    bodies = {k: _add_part(spec, place, k, poses[k], k in loose, k == moment.moving, waits) for k in sorted(poses)}
-    built = {*moment.free, *moment.held}
+    bodies = {k: _add_part(spec, place, k, poses[k], moment) for k in sorted(poses)}
+    built = {*moment.free, *moment.held, *(k for k, _ in moment.yielding)}
     if moment.phase == "fetch":
         if moment.moving is not None and place.assembly.dimension == 2:
             _pair_skins(spec, place, moment.moving, built, settings)
@@ -147,7 +160,13 @@ def compile_moment(place: Workplace, moment: Moment, poses: Mapping[int, Pose]) 
             _add_nest(spec, name, poses[moment.moving])
         if isinstance(place.cell.gripper, SuctionGripper):
             add_cup(spec, f"part {name}")
-    return spec.compile()
+    for k, pose in moment.yielding:
+        _add_weld(spec, f"support {k}", f"part {place.assembly.parts[k].name}", pose)
+    model = spec.compile()
+    for k, _ in moment.yielding:
+        size = float(np.linalg.norm(np.ptp(place.assembly.parts[k].shape.bounds, axis=0)))
+        soften(model, int(model.equality(f"support {k}").id), SUPPORT_N_M, SUPPORT_N_M * (SUPPORT_SPREAD * size) ** 2)
+    return model
 
 
 def _options(spec: Any, settings: Settings, longer: float) -> None:
@@ -187,18 +206,19 @@ def _add_table(spec: Any, place: Workplace, base: Array, quat: Array) -> None:
         )
 
 
-def _add_part(spec: Any, place: Workplace, index: int, pose: Pose, loose: bool, moving: bool, waits: bool) -> Any:
+def _add_part(spec: Any, place: Workplace, index: int, pose: Pose, moment: Moment) -> Any:
     import mujoco
 
-    part = place.assembly.parts[index]
+    part, moving, waits = place.assembly.parts[index], index == moment.moving, moment.phase == "fetch"
     body = spec.worldbody.add_body(name=f"part {part.name}", pos=pose.position, quat=pose.quat_wxyz)
-    if loose:
+    if index in moment.loose:
         tensor = inertia(Part(part.name, surface(part), part.density, part.fixed))
         body.explicitinertial, body.mass, body.ipos = True, part.mass, np.zeros(3)
         body.fullinertia = [tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[0, 1], tensor[0, 2], tensor[1, 2]]
         body.add_freejoint(name=f"part {part.name}")
-        # Its nest carries it until the fingers do.
-        body.gravcomp = 1.0 if moving and waits else 0.0
+        # Its nest carries it until the fingers do, or its support where that took it over.
+        carried = (moving and waits) or index in dict(moment.yielding)
+        body.gravcomp = 1.0 if carried else 0.0
     centre = embed(part.centroid)
     travels = moving and waits and place.assembly.dimension == 3
     for n, skin in enumerate(place.skins[index]):
@@ -219,14 +239,20 @@ def _add_part(spec: Any, place: Workplace, index: int, pose: Pose, loose: bool, 
 
 def _add_nest(spec: Any, name: str, pose: Pose) -> None:
     """Hold a part where it waits, gently enough for the fingers to centre it."""
+    nest = _add_weld(spec, "nest", f"part {name}", pose)
+    nest.data[10] = 0.01
+    nest.solref, nest.solimp = (0.03, 1.0), (0.9, 0.9, 0.001, 0.5, 2.0)
+
+
+def _add_weld(spec: Any, name: str, body: str, pose: Pose) -> Any:
     import mujoco
 
-    nest = spec.add_equality(name="nest", type=mujoco.mjtEq.mjEQ_WELD)
-    nest.name1, nest.name2 = "world", f"part {name}"
-    nest.objtype = mujoco.mjtObj.mjOBJ_BODY
+    weld = spec.add_equality(name=name, type=mujoco.mjtEq.mjEQ_WELD)
+    weld.name1, weld.name2 = "world", body
+    weld.objtype = mujoco.mjtObj.mjOBJ_BODY
     # data: anchor in the second body, pose of the second in the first, torque scale.
-    nest.data[:11] = [0.0, 0.0, 0.0, *pose.position, *pose.quat_wxyz, 0.01]
-    nest.solref, nest.solimp = (0.03, 1.0), (0.9, 0.9, 0.001, 0.5, 2.0)
+    weld.data[:11] = [0.0, 0.0, 0.0, *pose.position, *pose.quat_wxyz, 1.0]
+    return weld
 
 
 def _pair_skins(spec: Any, place: Workplace, moving: int, others: Iterable[int], settings: Settings) -> None:
@@ -242,17 +268,19 @@ def _pair_skins(spec: Any, place: Workplace, moving: int, others: Iterable[int],
 def _add_joints(
     spec: Any, place: Workplace, moment: Moment, built: set[int], bodies: Mapping[int, Any], settings: Settings
 ) -> None:
-    """Add what the parts carry each other by: facet pairs of those at rest, and the way in of the one that moves."""
-    moving, assembly = moment.moving, place.assembly
-    resting = [c for c in place.contacts if set(c.parts) <= built]
+    """Add what the parts carry each other by: facet pairs of those at rest, and the way in of the one that moves.
+
+    Parts that cannot move need none between them.
+    """
+    moving, assembly, loose = moment.moving, place.assembly, set(moment.loose)
+    there = built if moving is None else {*built, moving}
+    met = [c for c in place.contacts if set(c.parts) <= there and loose & set(c.parts)]
     if moving is None or moment.phase == "rest":
-        whole = built if moving is None else {*built, moving}
-        model = _deep(assembly, facets(assembly, [c for c in place.contacts if set(c.parts) <= whole]))
+        model = _deep(assembly, facets(assembly, met))
     elif assembly.dimension == 2:
-        model = _deep(assembly, facets(assembly, resting))
+        model = _deep(assembly, facets(assembly, [c for c in met if moving not in c.parts]))
         _pair_skins(spec, place, moving, built, settings)
     else:
-        met = [c for c in place.contacts if set(c.parts) <= {*built, moving}]
         model = solid_pieces(assembly, met, moving)
     names = [_add_geom(spec, assembly, bodies[g.part], k, g, settings) for k, g in enumerate(model.geoms)]
     for a, b in model.pairs or ():

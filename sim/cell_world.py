@@ -89,7 +89,7 @@ class CellWorld:
         if before is not None:
             n = self.driven
             self.data.qpos[:n], self.data.qvel[:n], self.data.ctrl[:] = old.qpos[:n], old.qvel[:n], old.ctrl
-            for k in self._loose():
+            for k in moment.loose:
                 mine, theirs = (self._joint(m, k) for m in (self.model, before))
                 if mine is not None and theirs is not None:
                     self.data.qvel[mine[1] : mine[1] + 6] = old.qvel[theirs[1] : theirs[1] + 6]
@@ -116,7 +116,7 @@ class CellWorld:
 
     def remember(self) -> None:
         """Read the poses of everything that can move out of the model."""
-        for k in self._loose():
+        for k in self.moment.loose:
             if (at := self._joint(self.model, k)) is not None:
                 q = self.data.qpos[at[0] : at[0] + 7].tolist()
                 self.poses[k] = Pose((q[0], q[1], q[2]), (q[3], q[4], q[5], q[6]))
@@ -222,9 +222,6 @@ class CellWorld:
         point = turn.T @ (self.tcp()[:3, 3] - self.place.shift)
         wrench = hand_wrench(self.model, self.data, self.hand, point)
         return np.concatenate([turn @ wrench[:3], turn @ wrench[3:]])
-
-    def _loose(self) -> tuple[int, ...]:
-        return tuple(k for k in (*self.moment.free, self.moment.moving) if k is not None)
 
     def _joint(self, model: Any, part: int) -> tuple[int, int] | None:
         """Return the addresses of a part's position and velocity; None where it cannot move."""

@@ -31,11 +31,11 @@ from planners.robot.grasp import find_grasps
 from planners.robot.site import site
 from planners.robot.tool import SuctionGripper
 from sim.cell import SimulatedCell
-from sim.cell_cup import IMPEDANCE, weld_of
 from sim.cell_force import hand_wrench
-from sim.cell_model import Moment, Pose, Workplace, compile_moment, seat, workplace
+from sim.cell_model import SUPPORT_N_M, Moment, Pose, Workplace, compile_moment, seat, workplace
 from sim.rehearsal import Options, Rehearsal, rehearse, waiting, watch
 from sim.rehearsal_json import rehearsal_to_data
+from sim.weld import soften
 
 ROOT = Path(__file__).resolve().parents[1]
 SCHEMA = json.loads((ROOT / "docs" / "schemas" / "rehearsal.schema.json").read_text(encoding="utf-8"))
@@ -154,8 +154,7 @@ def test_a_cup_gives_way_as_its_bellows_do(mass_kg: float) -> None:
     weld.name1, weld.name2, weld.objtype = "world", "part", mujoco.mjtObj.mjOBJ_BODY
     weld.data[:11] = [0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1]
     model = spec.compile()
-    solref, scale = weld_of(gripper.stiffness_n_m, gripper.stiffness_nm_rad, model.body_invweight0[1], 1e-3)
-    model.eq_solref[0], model.eq_solimp[0, :2], model.eq_data[0, 10] = solref, IMPEDANCE, scale
+    soften(model, 0, gripper.stiffness_n_m, gripper.stiffness_nm_rad)
     for axis in range(3):
         data = mujoco.MjData(model)
         data.xfrc_applied[1, axis], data.xfrc_applied[1, 3 + axis] = 2.0, 0.02
@@ -195,6 +194,32 @@ def test_a_part_out_of_place_on_its_support_is_not_called_placed() -> None:
             standing = watch(arm, 1)
         assert standing.stands is stands and standing.displacement_m == pytest.approx(shift)
         assert "on its support" in standing.reason and standing.moved == (() if stands else ("b0",))
+
+
+def test_a_support_gives_way_as_a_spring_and_comes_back() -> None:
+    """Pushed with 10 N beside a part that is being inserted, what is supported gives 0.4 mm; let alone it returns."""
+    import mujoco
+
+    place = place_of(pile())
+    poses = {k: seat(p) for k, p in enumerate(place.assembly.parts)}
+    moment = Moment("insert", None, (), (0,), ((1, poses[1]),))
+    model = compile_moment(place, moment, poses)
+    data = mujoco.MjData(model)
+    data.qpos[:6] = data.ctrl[:6] = cell().home
+    body = int(model.body("part b0").id)
+    data.xfrc_applied[body, 2] = 10.0
+    mujoco.mj_step(model, data, 1000)
+    assert data.xpos[body, 2] - poses[1].position[2] == pytest.approx(10.0 / SUPPORT_N_M, rel=0.02)
+    data.xfrc_applied[body, 2] = 0.0
+    mujoco.mj_step(model, data, 1000)
+    assert data.xpos[body] == pytest.approx(poses[1].position, abs=2e-5)
+
+
+def test_what_cannot_move_meets_nothing_that_cannot() -> None:
+    place = place_of(pile())
+    poses = {k: seat(p) for k, p in enumerate(place.assembly.parts)}
+    counts = [compile_moment(place, Moment("rest", None, *s), poses).npair for s in (((), (0, 1)), ((1,), (0,)))]
+    assert counts[0] == 0 < counts[1]
 
 
 def test_errors_in_the_tray_are_drawn_from_the_seed() -> None:

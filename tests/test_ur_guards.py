@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from mocca_robot.ur.guards import BEYOND_M, LATERAL_M, PushGuard, check_forces, check_path, check_start
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.plan import Waypoint
+from mocca_robot.ur.priority import NICE, preferred
 from mocca_robot.ur.status import ArmState, ExecutionStatus
 from mocca_robot.ur.supervision import Stopped, parse_state, program_stop, safety_stop
 
@@ -148,3 +150,13 @@ def test_states_with_holes_or_numbers_that_are_not_finite_are_no_states() -> Non
         assert stop.value.status is ExecutionStatus.CONNECTION_LOST
     with pytest.raises(Stopped):
         parse_state(raw_state()[:-1])
+
+
+def test_the_scheduler_prefers_this_process_only_as_long_as_it_is_asked_to() -> None:
+    """An arm is watched on a clock; afterwards the process is scheduled as before."""
+    before = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
+    with preferred():
+        policy, nice = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
+        # Real-time where that is allowed, niceness where only that is, and as before where nothing is.
+        assert policy == os.SCHED_RR or nice == NICE or (policy, nice) == before
+    assert (os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)) == before

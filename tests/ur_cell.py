@@ -19,6 +19,7 @@ from mocca_robot.ur.fake.controller import ask
 from mocca_robot.ur.models import robot_model
 from mocca_robot.ur.plan import Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint, write_plan
 from mocca_robot.ur.pose import six
+from mocca_robot.ur.priority import preferred
 from mocca_robot.ur.wiring import VacuumWiring
 
 MODEL = robot_model("ur5e")
@@ -152,18 +153,6 @@ def environment() -> dict[str, str]:
 PAUSES: list[float] = []
 """How long each fake controller of the present test was not run by the computer, at the worst."""
 PAUSE_S = 0.06
-
-
-@contextlib.contextmanager
-def preferred() -> Iterator[None]:
-    """Have the scheduler run this process before others for a while, where that is allowed."""
-    before = os.getpriority(os.PRIO_PROCESS, 0)
-    try:
-        with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, 0, -15)
-        yield
-    finally:
-        os.setpriority(os.PRIO_PROCESS, 0, before)
 
 
 def undisturbed(test: Callable[..., None]) -> Callable[..., None]:

@@ -15,6 +15,8 @@ from mocca_robot.errors import InputError
 if TYPE_CHECKING:
     from planners.robot.build_plan import BuildPlan
 
+NAMES = 6
+"""So many parts of a fall are named; the remedy names them all."""
 DESCRIPTION = """For every part in sequence: pick from the tray, transit, insertion along the cone's axis, release and
 retreat, collision-free and within all limits. Writes plan.json and the tray's drawing. `mocca-robot execute` checks a
 plan and runs it."""
@@ -106,9 +108,13 @@ def lines(built: BuildPlan) -> list[str]:
 
     out = []
     for fall in built.falls:
+        shown = [*fall.moving[:NAMES], *([f"{len(fall.moving) - NAMES} more"] if len(fall.moving) > NAMES else [])]
+        out.append(f"after {fall.part} is placed, {', '.join(shown)} would fall")
+    if built.falls:
+        together = dict.fromkeys(name for fall in built.falls for name in fall.moving)
         out.append(
-            f"after {fall.part} is placed, {', '.join(fall.moving)} would fall: declare supports (--supports "
-            f"{','.join(fall.moving)}), another sequence (`mocca-robot sequence`), or a support-free design"
+            f"no plan: declare what holds them (--supports {','.join(together)}), try another sequence "
+            "(`mocca-robot sequence`), or design for it (goal: support_free)"
         )
     for name in built.out_of_reach:
         out.append(f"{name} is out of the arm's reach: build nearer to the base, smaller, or with a longer arm")

@@ -135,12 +135,11 @@ def _build(
     from mocca_robot.ur.driver import UrArm
     from mocca_robot.ur.executor import execute
     from mocca_robot.ur.journal import Journal
-    from mocca_robot.ur.link import prefer_this_process, require_client
+    from mocca_robot.ur.link import require_client
     from mocca_robot.ur.preflight import QUESTION_S, questions
 
     require_sound(plan)
     require_client()
-    prefer_this_process()
     say = _silent if args.json else _say
     if record is not None and record.truncated is not None:
         print(f"note: a line of the journal was cut off while it was written: {record.truncated[:60]}", file=sys.stderr)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from types import TracebackType
 
 import numpy as np
@@ -29,6 +30,7 @@ from mocca_robot.ur.owner import RobotLock
 from mocca_robot.ur.plan import Plan, Waypoint
 from mocca_robot.ur.pose import Three, distance_m
 from mocca_robot.ur.preflight import blocking_findings, require_robot
+from mocca_robot.ur.priority import preferred
 from mocca_robot.ur.status import ArmState, ExecutionStatus, Outcome
 from mocca_robot.ur.supervision import Stopped
 
@@ -47,7 +49,8 @@ class UrArm:
     """One UR arm, owned from `__enter__` to `__exit__` by this process and by the thread that entered it.
 
     Entering takes the lock, checks who and in which state the robot is, connects the eyes, then the hands (which
-    uploads a control script that does not move), and starts the watchdog. InputError and EnvironmentNeeded say why a
+    uploads a control script that does not move), and starts the watchdog; until it is left, this process is preferred
+    by the scheduler where that is allowed. InputError and EnvironmentNeeded say why a
     robot cannot be used. `cancelled` is asked in every cycle; once it returns True, motions end with CANCELLED.
     """
 
@@ -58,6 +61,7 @@ class UrArm:
         self.model = robot_model(plan.robot)
         self._confirm = confirm
         self._lock = RobotLock(host)
+        self._preferred = ExitStack()
         self._monitor = Monitor(host, self.limits, cancelled)
         self._hands: Link | None = None
         self._gripper: Gripper | None = None
@@ -76,6 +80,7 @@ class UrArm:
         require_sound(self.plan)
         require_drivable(self.plan)
         self._lock.__enter__()
+        self._preferred.enter_context(preferred())
         try:
             identity = require_robot(self.host, self.plan, self._confirm)
             self._serial = identity.serial
@@ -116,6 +121,7 @@ class UrArm:
         self._monitor.close()
         if self._gripper is not None:
             self._gripper.close()
+        self._preferred.close()
         self._lock.__exit__(kind, error, trace)
 
     @property

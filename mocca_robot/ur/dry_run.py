@@ -76,6 +76,9 @@ class DryRun:
         lines.extend(f"REFUSED {f}" for f in self.findings)
         if not self.findings:
             lines.append("every waypoint is within the limits of arm, cell and driver")
+        elif len(self.findings) > 1:
+            lines.append(f"{len(self.findings)} findings; begin with the first: others may follow from it")
+            lines.append(f"first: {self.findings[0]}")
         return "\n".join(lines)
 
     def document(self) -> dict[str, Any]:

@@ -123,12 +123,15 @@ class Record:
 
     @property
     def last_status(self) -> str:
-        """Return how the last motion ended, in words; empty when no motion was recorded."""
+        """Return how the last motion ended, in words, and which was begun after it; empty when none was recorded."""
+        begun = ""
         for event in reversed(self.events):
             if "status" in event:
                 place = f"{event.get('part', '?')}, {event.get('kind', event['event'])}"
-                return f"{event['status']} ({place}): {event.get('detail', '')}".rstrip(": ")
-        return ""
+                return f"{event['status']} ({place}): {event.get('detail', '')}".rstrip(": ") + begun
+            if event.get("event") == "move_started" and not begun:
+                begun = f", then {event.get('kind', '?')} was begun"
+        return begun.removeprefix(", then ")
 
 
 def read_journal(path: Path | str) -> Record:

@@ -55,25 +55,28 @@ class Limits:
     watchdog_hz: float = 5.0
     """The controller stops the program when it hears nothing for one period: the link or this process died."""
 
-    def lowered(self, values: Mapping[str, object]) -> Limits:
-        """Return these limits with some lowered; InputError for an unknown name, a non-number or a raise."""
+    def lowered(self, values: Mapping[str, object], where: str = "") -> Limits:
+        """Return these limits with some lowered; InputError for an unknown name, a non-number or a raise. `where` the
+        values stand is said then.
+        """
+        place = f"{where}: limit" if where else "Limit"
         known = {f.name for f in fields(self)}
         changes: dict[str, float | int] = {}
         for name, value in values.items():
             if name not in known:
-                raise InputError(f"Unknown limit '{name}'. {nearest(name, known)}")
+                raise InputError(f"{place} '{name}' is unknown; {nearest(name, known)}")
             cap = getattr(HARD_CAPS, name)
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise InputError(f"Limit '{name}' is {value!r}; give a finite number of at most {cap:g}.")
+                raise InputError(f"{place} '{name}' is {value!r}; give a finite number of at most {cap:g}.")
             floor, ceiling = bounds(name)
             if ceiling is None:
                 if value < cap:
                     raise InputError(
-                        f"Limit '{name}' is {value:g}; below {cap:g} would be less safe, give at least that."
+                        f"{place} '{name}' is {value:g}; below {cap:g} would be less safe, give at least that."
                     )
             elif not floor <= value <= cap:
                 raise InputError(
-                    f"Limit '{name}' is {value:g}; it must lie between {floor:g} and the driver's cap {cap:g}, which "
+                    f"{place} '{name}' is {value:g}; it must lie between {floor:g} and the driver's cap {cap:g}, which "
                     "configuration may only lower."
                 )
             changes[name] = int(value) if name == "retries" else float(value)

@@ -24,6 +24,7 @@ import time
 from typing import IO, Any
 
 from mocca_robot.errors import EnvironmentNeeded
+from mocca_robot.ur.priority import prefer_this_process
 
 FREQUENCY_HZ = 125.0
 IDLE_KICK_S = 0.05
@@ -210,12 +211,6 @@ def main(role: str, host: str, descriptor: int) -> None:
                 interface.forceModeStop()
             interface.stopScript()
     os._exit(0)
-
-
-def prefer_this_process() -> None:
-    """Ask the scheduler to run this process before others; without the right to do so nothing changes."""
-    with contextlib.suppress(OSError):
-        os.nice(-15)
 
 
 def _connect(role: str, host: str) -> Any:

@@ -170,8 +170,9 @@ MODELS = MappingProxyType(
 )
 
 
-def robot_model(name: str) -> RobotModel:
-    """Return the arm called `name`; InputError with the nearest known names for any other."""
+def robot_model(name: str, where: str = "") -> RobotModel:
+    """Return the arm called `name`; InputError with `where` it stands and the nearest known names for any other."""
     if name not in MODELS:
-        raise InputError(f"Unknown robot model '{name}'. {nearest(name, MODELS)}")
+        place = f"{where}: unknown" if where else "Unknown"
+        raise InputError(f"{place} robot model '{name}'; {nearest(name, MODELS)}")
     return MODELS[name]

@@ -14,6 +14,7 @@ from mocca_robot.errors import InputError, nearest
 from mocca_robot.files.documents import read_text
 from mocca_robot.files.versions import PLAN
 from mocca_robot.ur.limits import Limits
+from mocca_robot.ur.models import robot_model
 from mocca_robot.ur.plan import Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint
 from mocca_robot.ur.pose import Three, six, three
 from mocca_robot.ur.wiring import DEFAULT_WAIT_S, SIGNALS, WAIT_S, VacuumWiring
@@ -61,13 +62,13 @@ def plan_from_document(raw: object, source: str = "plan") -> Plan:
         raise InputError(f"{source}: 'units' is {top['units']!r}; plans are in metres. Plan again.")
     gripper = _text(top, "gripper", source)
     if gripper not in GRIPPERS:
-        raise InputError(f"{source}: unknown gripper '{gripper}'. {nearest(gripper, GRIPPERS)}")
+        raise InputError(f"{source}: unknown gripper '{gripper}'; {nearest(gripper, GRIPPERS)}")
     steps = _list(top, "steps", source)
     if not steps:
         raise InputError(f"{source}: the plan has no steps. Plan an assembly with at least one free part.")
     return Plan(
         design_sha256=_text(top, "design_sha256", source),
-        robot=_text(top, "robot", source),
+        robot=robot_model(_text(top, "robot", source), source).name,
         gripper=gripper,
         cell=_cell(_mapping(top.get("cell"), f"{source}: cell"), f"{source}: cell"),
         steps=tuple(_step(_mapping(s, f"{source}: step {i}"), f"{source}: step {i}") for i, s in enumerate(steps)),
@@ -95,7 +96,7 @@ def _cell(raw: Mapping[str, Any], where: str) -> Cell:
             three(_numbers(box[0], 3, f"{where}: workspace_m[0]")),
             three(_numbers(box[1], 3, f"{where}: workspace_m[1]")),
         ),
-        limits=Limits().lowered(_mapping(raw.get("limits", {}), f"{where}: limits")),
+        limits=Limits().lowered(_mapping(raw.get("limits", {}), f"{where}: limits"), where),
         extra=_rest(raw, Cell),
         vacuum=_vacuum(raw["vacuum"], f"{where}: vacuum") if raw.get("vacuum") is not None else None,
     )

@@ -87,7 +87,7 @@ def blocking_findings(
         yield (
             f"step {first_step} ({plan.steps[first_step].part}), move 0, waypoint 0: the arm stands {gap:.4f} rad and "
             f"{1e3 * far:.1f} mm away, limit {limits.start_joint_rad:g} rad and {1e3 * limits.start_distance_m:g} mm; "
-            f"move it to joint angles {np.round(first.q, 4).tolist()} with the pendant"
+            f"move it to joint angles {', '.join(f'{a:.2f}°' for a in np.rad2deg(first.q))} with the pendant"
         )
     for i, k, w, place in questions(plan, first_step):
         if not safe(place):

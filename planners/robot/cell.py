@@ -150,7 +150,7 @@ def cell_from_document(content: object, where: str) -> RobotCell:
         gap_m=tray["gap_m"],
         tray_places=_tray_places(tray["parts"] or {}, f"{where}: tray.parts"),
         home=read_only(np.deg2rad(top["home_deg"])),
-        limits=Limits().lowered(top["limits"]),
+        limits=Limits().lowered(top["limits"], where),
         document=raw,
     )
 

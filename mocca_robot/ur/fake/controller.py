@@ -21,6 +21,7 @@ from mocca_robot.ur.fake.rtde import VERSION, RtdeServer
 from mocca_robot.ur.fake.world import Fault, Trigger, World
 from mocca_robot.ur.models import robot_model
 from mocca_robot.ur.plan import Plan
+from mocca_robot.ur.priority import prefer_this_process
 
 TICK_S = 0.008
 LONGEST_TICK_S = 0.05
@@ -243,8 +244,6 @@ class FakeController:
 def serve(controller: FakeController, host: str, ready: Callable[[], None]) -> None:
     """Run `controller` on `host` until Ctrl-C or SIGTERM."""
     import signal
-
-    from mocca_robot.ur.link import prefer_this_process
 
     if not host.startswith("127."):
         raise InputError(f"The fake controller serves loopback addresses only, not {host}. Give one such as 127.0.0.2.")
