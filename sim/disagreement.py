@@ -11,6 +11,7 @@ from mocca_robot.assembly import Array, Assembly, IntArray
 from mocca_robot.contacts import Contact
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.loads import LoadCase, case_wrenches
+from mocca_robot.report.findings import NOT_MADE
 from mocca_robot.statics import EquilibriumResult, Status, equilibrium
 from sim.motion import Motion
 from sim.scene import Compiled, with_timestep
@@ -52,7 +53,7 @@ def cause(
         opened, rays = coulomb_rays(assembly, contacts, found.motion, settings.friction)
         if not _holds(assembly, contacts, case, rays):
             return (
-                f"friction not made by the fall: {tried}; statics, too, lets it fall with the forces that go with this "
+                f"{NOT_MADE}: {tried}; statics, too, lets it fall with the forces that go with this "
                 f"fall ({opened} of {len(rays)} contact points open)"
             )
     for gentle in (0.0, 0.4):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mocca_robot.assembly import Assembly, Equilibrium, Goal, Interlocking, Part, Polygon, SupportFree
-from mocca_robot.cli.physics_evidence import simulation_findings
+from mocca_robot.cli.physics_evidence import explained, simulation_findings
 from mocca_robot.cli.verdict import physics_words
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -70,12 +70,22 @@ def test_tilts_apart_are_a_disagreement_with_and_without_friction(
 
 
 def test_a_disagreement_is_told_with_its_cause() -> None:
-    early = {**tilt(10.0, 12.0, 0.3), "cause": "friction not made by the fall"}
+    early = {**tilt(10.0, 12.0, 0.3), "cause": "none found (fell with a step of 5 µs)"}
     (finding,) = simulation_findings(assembly(), {"tilt": [early]})
-    assert finding.text.endswith("12.00° by statics; cause: friction not made by the fall.")
+    assert finding.text.endswith("12.00° by statics; cause: none found (fell with a step of 5 µs).")
     fallen = {**state("b", False, True), "cause": "soft contacts"}
     (finding,) = simulation_findings(assembly(), {"states": [fallen, state("c", True, True)]})
     assert "falls in MuJoCo and stands by statics; cause: soft contacts." in finding.text
+
+
+def test_only_friction_shown_not_to_build_up_holds_nothing_against_a_design() -> None:
+    shown = {**tilt(10.0, 12.0, 0.3), "cause": "friction not made by the fall: fell with a step of 5 µs"}
+    (note,) = explained(assembly(), {"tilt": [shown]})
+    assert simulation_findings(assembly(), {"tilt": [shown]}) == [] and "12.00° by statics; cause: friction" in note
+    for other in ({"friction": 0.0}, {"critical_deg": 14.0}, {"cause": ""}, {"runs_without_verdict_deg": [10.2]}):
+        entry = {**shown, **other}
+        assert [f.kind for f in simulation_findings(assembly(), {"tilt": [entry]})] == ["disagreement"]
+        assert explained(assembly(), {"tilt": [entry]}) == []
 
 
 def test_runs_without_a_verdict_are_never_hidden() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.assembly import Assembly
-from mocca_robot.cli import evidence
+from mocca_robot.cli import evidence, physics_evidence
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.stages import Outcome
 from mocca_robot.report.summary import goal_words
@@ -35,7 +35,8 @@ def conclude(
     supports = evidence.supports(outcome.design.assembly, outcome.states)
     if supports:
         console.say(f"needs support after placing {evidence.quoted(supports, 20)}")
-    for note in dict.fromkeys(outcome.design.notes):
+    explained = physics_evidence.explained(outcome.design.assembly, outcome.simulation or {})
+    for note in dict.fromkeys((*outcome.design.notes, *explained)):
         console.say(f"note: {note}")
     for finding in outcome.findings:
         console.say(f"✗ {finding.text}")
@@ -116,7 +117,7 @@ def document(outcome: Outcome, supports: tuple[str, ...]) -> dict[str, Any]:
         "insertions": evidence.insertions_data(outcome.after.insertions),
         "part_overlap": outcome.after.part_overlap,
         "simulation": {k: v for k, v in simulation.items() if k not in ("states", "insertion")} or None,
-        "notes": list(outcome.design.notes),
+        "notes": [*outcome.design.notes, *physics_evidence.explained(assembly, simulation)],
         "files": {kind: str(path) for kind, path in outcome.files.items()},
     }
 

@@ -16,6 +16,8 @@ from mocca_robot.verify import CaseVerdict
 
 TILT_AGREEMENT_DEG = {2: 0.5, 3: 1.5}
 """Critical tilts further apart than this disagree: rigid facets against slightly soft ones explain less."""
+NOT_MADE = "friction not made by the fall"
+"""Begins the cause of a fall that statics prevents with forces which nothing brings about."""
 
 
 @dataclass(frozen=True, eq=False)
