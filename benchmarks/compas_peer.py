@@ -4,6 +4,9 @@ import json
 import resource
 import sys
 import time
+import traceback
+from importlib.metadata import version
+from pathlib import Path
 
 from compas.datastructures import Mesh
 from compas_assembly.datastructures import Assembly, Block
@@ -19,12 +22,20 @@ for node, solid in enumerate(request["solids"]):
 if request["tool"] == "compas_cra":
     assembly.set_boundary_conditions(request["fixed"])
 begin = time.process_time()
-if request["tool"] == "compas_cra":
-    interfaces_of_cra(assembly, nmax=10, amin=1e-2, tmax=1e-2)
-else:
-    from compas_assembly.algorithms import assembly_interfaces_numpy
+try:
+    if request["tool"] == "compas_cra":
+        interfaces_of_cra(assembly, nmax=10, amin=1e-2, tmax=1e-2)
+    else:
+        from compas_assembly.algorithms import assembly_interfaces_numpy
 
-    assembly_interfaces_numpy(assembly, nmax=10, amin=1e-2, tmax=1e-2)
+        assembly_interfaces_numpy(assembly, nmax=10, amin=1e-2, tmax=1e-2)
+except Exception as error:
+    place = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
+    where = (
+        f"{place.parent.name}/{place.name}, compas {version('compas')}, {request['tool']} {version(request['tool'])}"
+    )
+    print(json.dumps({"failed": f"{type(error).__name__} in {where}: {error}"}))
+    sys.exit()
 pairs = len({tuple(sorted(edge)) for edge in assembly.graph.edges()})
 verdict = "contacts only"
 if request["friction"] is not None:

@@ -26,6 +26,7 @@ PEERS = ("compas_assembly", "compas_cra")
 FRICTION = 0.6
 PEER_PARTS = {"quick": 160, "all": 520}
 """Parts up to which peers are asked: their time grows fast."""
+PEER_LIMIT_S = 120.0
 
 
 def contacts(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
@@ -97,16 +98,23 @@ def _peer(
     row = f"{tool}, contacts" if friction is None else tool
     try:
         done = subprocess.run(
-            [python, str(script)], input=json.dumps(request), capture_output=True, text=True, timeout=120, check=True
+            [python, str(script)],
+            input=json.dumps(request),
+            capture_output=True,
+            text=True,
+            timeout=PEER_LIMIT_S,
+            check=True,
         )
         answer = json.loads(done.stdout.splitlines()[-1])
     except subprocess.TimeoutExpired:
-        return Measurement("contacts", name, row, 120.0, 0, "timeout", np.nan, np.nan)
+        return Measurement("contacts", name, row, PEER_LIMIT_S, 0, "timeout", np.nan, np.nan)
     except subprocess.CalledProcessError as error:
         reason = (error.stderr.strip().splitlines() or [""])[-1]
         return Measurement("contacts", name, row, np.nan, 0, f"failed: {reason[:80]}", np.nan, np.nan)
     except (subprocess.SubprocessError, OSError, ValueError, IndexError) as error:
         return Measurement("contacts", name, row, np.nan, 0, f"failed: {type(error).__name__}", np.nan, np.nan)
+    if "failed" in answer:
+        return Measurement("contacts", name, row, np.nan, 0, f"failed: {answer['failed'][:160]}", np.nan, np.nan)
     said = _words(answer["pairs"], expected)
     verdict = said if friction is None else f"{answer['verdict']}, {said}"
     return Measurement("contacts", name, row, answer["seconds"], 1, verdict, np.nan, answer["memory_mb"])
