@@ -124,7 +124,7 @@ def _usable(row: Measurement) -> bool:
 def _cell(row: Measurement | None) -> str:
     if row is None:
         return "–"
-    if row.verdict.startswith(("failed", "timeout")):
+    if row.verdict.startswith(("failed", "timeout")) or not math.isfinite(row.seconds):
         return row.verdict.split(":")[0]
     shown = f"{row.seconds * 1e3:.3g}"
     return f"{shown} ({row.kkt:.0e})" if row.kkt > 1e-8 else shown
