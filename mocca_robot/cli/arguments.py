@@ -14,7 +14,7 @@ def add_input(parser: argparse.ArgumentParser, what: str = "CONFIG") -> None:
     parser.add_argument(
         "input",
         metavar=what,
-        help="YAML configuration, assembly .json, design.json, .svg drawing, mesh file or folder of meshes",
+        help="YAML configuration, assembly .json, design.json, .svg or .dxf drawing, mesh file or folder of meshes",
     )
     parser.add_argument(
         "--set",

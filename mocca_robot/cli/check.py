@@ -35,11 +35,14 @@ def run(args: argparse.Namespace) -> int:
     """Return 0 when every verdict is positive, 1 otherwise."""
     from mocca_robot.cli import checkup, understood
     from mocca_robot.contacts import find_contacts, require_sound
+    from mocca_robot.files.output import writable_folder
 
     further: dict[str, Any] = {}
     if args.friction is not None:
         further["friction"] = args.friction
     console = Console(args.json)
+    if args.picture is not None:
+        writable_folder(Path(args.picture).parent)
     with console.stage("read"):
         config = arguments.load(args, further)
     azimuths = config.simulate.azimuths if args.azimuths is None else args.azimuths

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from mocca_robot.files.config import Config
     from mocca_robot.files.starter import Source
 
-DESCRIPTION = """Writes NAME.yaml, with comments and every key. --from names your model: an SVG drawing, a mesh file or
-a folder of meshes, an assembly or a design as JSON (COMPAS too), the surface of a shell (OBJ that is not closed), or a
-graph of lines (OBJ with lines, or JSON with nodes and rods). The model stays where it is. Without --from a small
-drawing is written to start from. Nothing is overwritten."""
+DESCRIPTION = """Writes NAME.yaml, with comments and every key. --from names your model: an SVG or DXF drawing, a mesh
+file or a folder of meshes, an assembly or a design as JSON (COMPAS too), the surface of a shell (OBJ that is not
+closed), or a graph of lines (OBJ with lines, or JSON with nodes and rods). The model stays where it is. Without --from
+a small drawing is written to start from. Nothing is overwritten."""
 
 SHARES = (0.04, 0.02, 0.01, 0.005)
 """Thickness of a shell as a share of the surface's diagonal; the first that gives sound blocks is taken."""

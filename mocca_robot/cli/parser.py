@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib.util
 import os
 import sys
@@ -35,6 +36,8 @@ from mocca_robot.errors import MoccaError
 UNUSABLE, INTERNAL, INTERRUPTED = 2, 70, 130
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Commands share their work out themselves; threads inside its small matrices would only wait for each other."""
+UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
+"""A disk that fills up during the work, or a folder that is taken away: no error in the program."""
 EPILOG = """exit status: 0 every verdict is positive; 1 a negative verdict, with its evidence; 2 unusable input;
 70 an error in mocca-robot itself; 130 interrupted (Ctrl-C), what was finished is kept.
 `mocca-robot COMMAND --help` tells what a command does. With --json it prints one JSON object for scripts."""
@@ -62,13 +65,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `mocca-robot check X | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except Exception as error:
-        traceback.print_exc()
-        message = (
-            f"This is an error in mocca-robot, not in your input ({type(error).__name__}: {error}). Please report it "
-            "with the lines above, the command and its input, and the output of `mocca-robot info`."
+    except OSError as error:
+        if error.errno not in UNWRITABLE:
+            return _internal(as_json, error)
+        where = f"'{error.filename}'" if error.filename else "A file"
+        return _failed(
+            as_json, UNUSABLE, f"{where} cannot be written: {error.strerror}. Free space or name another folder."
         )
-        return _failed(as_json, INTERNAL, message)
+    except Exception as error:
+        return _internal(as_json, error)
+
+
+def _internal(as_json: bool, error: Exception) -> int:
+    traceback.print_exc()
+    message = (
+        f"This is an error in mocca-robot, not in your input ({type(error).__name__}: {error}). Please report it "
+        "with the lines above, the command and its input, and the output of `mocca-robot info`."
+    )
+    return _failed(as_json, INTERNAL, message)
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -52,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from mocca_robot.files.design_json import read_design
+    from mocca_robot.files.output import writable_folder
     from mocca_robot.ur.plan import write_plan
     from mocca_robot.ur.plan_reader import file_sha256
     from planners.robot.build_plan import build_plan
@@ -71,6 +72,7 @@ def run(args: argparse.Namespace) -> int:
             raise InputError(f"--size is {args.size:g}; give the longest side in metres, above 0 and at most 10.")
         cell = replace(cell, build_size_m=args.size)
     target = Path(args.output) if args.output else source.with_name("plan.json")
+    writable_folder(target.parent)
     names = [p.name for p in design.assembly.parts if not p.fixed]
     supports = names if args.supports == "all" else [n for n in args.supports.split(",") if n]
     with console.stage("plan") as doing:
@@ -91,7 +93,6 @@ def run(args: argparse.Namespace) -> int:
             wrong = [str(f) for f in recheck(built.plan, built.cell, built.site, built.tray)]
     written = []
     if built.plan is not None and not wrong:
-        target.parent.mkdir(parents=True, exist_ok=True)
         write_plan(built.plan, target)
         tray = write_tray(target.parent, built.site, built.cell, built.tray)
         written = [str(target), *(str(t) for t in tray)]

@@ -49,6 +49,7 @@ def run(args: argparse.Namespace) -> int:
     """Return 0 when everything was placed and stands, 1 when not, 130 after Ctrl-C with what was seen until then."""
     from mocca_robot.cli.parser import INTERRUPTED
     from mocca_robot.files.design_json import read_design
+    from mocca_robot.files.output import writable_folder
     from mocca_robot.report.rehearsal import write_rehearsal_page
     from mocca_robot.ur.plan_reader import read_plan
     from sim.cell_film import film, write_cell_film
@@ -63,7 +64,9 @@ def run(args: argparse.Namespace) -> int:
         if source is None or not Path(source).is_file():
             raise InputError(f"The design of {args.plan} is not where the plan says. Give it with --design.")
         design = read_design(source)
-    folder = args.output or args.plan.parent
+    folder = writable_folder(args.output or args.plan.parent)
+    if args.film:
+        writable_folder(args.film.parent)
     with console.stage("rehearse") as update, _Interruptible() as cancelled:
 
         def seen(part: PartRehearsal) -> None:
@@ -71,7 +74,6 @@ def run(args: argparse.Namespace) -> int:
             console.say(line(part))
 
         result = rehearse(plan, design, options, progress=seen, cancelled=cancelled)
-    folder.mkdir(parents=True, exist_ok=True)
     files = {"rehearsal": write_rehearsal(result, folder / "rehearsal.json")}
     with console.stage("report"):
         moving = film(result.place, result.frames, result.chapters)

@@ -31,9 +31,12 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Return 0 after writing the page, or when Ctrl-C ends the viewer."""
     from mocca_robot.contacts import find_contacts, require_sound
+    from mocca_robot.files.output import writable_folder
     from sim.view import export_page, open_viewer, shown
 
     console = Console(args.json)
+    if args.export:
+        writable_folder(Path(args.export).parent)
     with console.stage("read"):
         config = arguments.load(args)
         report = find_contacts(config.assembly)

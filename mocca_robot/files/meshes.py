@@ -292,7 +292,7 @@ def write_part(mesh: Mesh, path: Path, *, units: str = "m") -> Path:
         lines = [f"o {path.stem}"]
         lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in scaled.tolist()]
         lines += [f"f {a} {b} {c}" for a, b, c in (mesh.faces + 1).tolist()]
-        path.write_text("\n".join(lines) + "\n")
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
         return path
     if path.suffix.lower()[1:] not in FORMATS:
         raise InputError(f"Cannot write '{path.name}'; known mesh formats: {', '.join(FORMATS)}.")

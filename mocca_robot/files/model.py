@@ -51,8 +51,8 @@ def read_model(path: Path, units: str | None, scale: float | None) -> Model:
     if path.is_dir():
         design = path / "design.json"
         return _from_json(design, units, scale) if design.is_file() else _from_meshes(path, units, scale, meant)
-    if suffix == "svg":
-        return _from_svg(path, units, scale)
+    if suffix in ("svg", "dxf"):
+        return _from_drawing(path, units, scale)
     if suffix == "json":
         return _from_json(path, units, scale)
     if suffix in MODEL_FILES:
@@ -91,10 +91,11 @@ def _scaled(shape: Shape, factor: float) -> Shape:
     return Mesh(shape.vertices * factor, shape.faces)
 
 
-def _from_svg(path: Path, units: str | None, scale: float) -> Model:
+def _from_drawing(path: Path, units: str | None, scale: float) -> Model:
+    from mocca_robot.files.dxf import read_dxf
     from mocca_robot.files.svg import read_svg
 
-    drawing = read_svg(path, units, scale)
+    drawing = (read_dxf if path.suffix.lower() == ".dxf" else read_svg)(path, units, scale)
     parts = tuple(Part(name, polygon) for name, polygon in drawing.parts)
     # Lengths in a configuration are real ones: a drawing that scales freely speaks millimetres.
     unit = drawing.unit if drawing.unit in fields.UNITS_M else "mm"

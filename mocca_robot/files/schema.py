@@ -13,7 +13,7 @@ from mocca_robot.joints.options import JointOptions
 
 JOINT_KINDS = ("n", "z")
 GENERATORS = ("shell", "frame", "stack", "wall", "arch", "dome")
-MODEL_FILES = ("svg", "json", "obj", "stl", "ply", "3mf", "glb")
+MODEL_FILES = ("svg", "dxf", "json", "obj", "stl", "ply", "3mf", "glb")
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ KEYS: tuple[Key, ...] = (
         "text",
         None,
         "",
-        "The parts: a file (.svg, .json, .obj, .stl, .ply, .3mf, .glb) or a folder of meshes, relative to this file.",
+        "The parts: a file (.svg, .dxf, .json, .obj, .stl, .ply, .3mf, .glb) or a folder of meshes, relative to it.",
     ),
     Key(
         "generator",

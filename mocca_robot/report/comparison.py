@@ -8,6 +8,7 @@ from pathlib import Path
 
 from mocca_robot.assembly import Assembly
 from mocca_robot.design import Insertion
+from mocca_robot.files.output import write_atomic
 from mocca_robot.joints.joint import Joint
 from mocca_robot.report import pictures
 from mocca_robot.report.markup import badge, degrees, esc, listed, significant, table
@@ -50,11 +51,7 @@ class Variant:
 
 def write_comparison(path: Path, title: str, variants: Sequence[Variant]) -> Path:
     """Return `path` after writing the comparison page there, one self-contained HTML file."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(path.name + ".part")
-    fresh.write_text(comparison_page(title, variants), encoding="utf-8")
-    return fresh.replace(path)
+    return write_atomic(Path(path), comparison_page(title, variants))
 
 
 def comparison_page(title: str, variants: Sequence[Variant]) -> str:

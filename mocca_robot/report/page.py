@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from mocca_robot.files.output import write_atomic
 from mocca_robot.report import physics_sections, player, sections
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.markup import asset, esc
@@ -25,11 +26,7 @@ CHAPTERS = (
 
 def write_report(path: Path, data: ReportData) -> Path:
     """Return `path` after writing the report there; folders are made, an older report is replaced whole."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(path.name + ".part")
-    fresh.write_text(report_page(data), encoding="utf-8")
-    return fresh.replace(path)
+    return write_atomic(Path(path), report_page(data))
 
 
 def report_page(data: ReportData) -> str:

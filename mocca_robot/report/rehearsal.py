@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mocca_robot.assembly import Array, Mesh
+from mocca_robot.files.output import write_atomic
 from mocca_robot.report.markup import badge, esc, listed, script_json, table
 from mocca_robot.report.page import document
 from mocca_robot.report.scene3d import packed
@@ -58,10 +59,7 @@ class CellFilm:
 
 def write_rehearsal_page(path: Path, data: Mapping[str, Any], film: CellFilm) -> Path:
     """Return `path` after writing the page there; `data` as in rehearsal.json."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(path.name + ".part")
-    fresh.write_text(rehearsal_page(data, film), encoding="utf-8")
-    return fresh.replace(path)
+    return write_atomic(Path(path), rehearsal_page(data, film))
 
 
 def rehearsal_page(data: Mapping[str, Any], film: CellFilm) -> str:

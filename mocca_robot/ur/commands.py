@@ -244,9 +244,9 @@ def run_fake_ur(args: argparse.Namespace) -> int:
 
 def export_urscript(plan_file: Path, output: Path, design: Path | None = None) -> Path:
     """Write `plan_file` as a stand-alone URScript program and return where; InputError when the plan is not sound."""
+    from mocca_robot.files.output import write_atomic
     from mocca_robot.ur.plan_reader import read_plan
     from mocca_robot.ur.urscript import urscript
 
     text = urscript(read_plan(plan_file, design))
-    output.write_text(text, encoding="utf-8")
-    return output
+    return write_atomic(output, text)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.assembly import Array
+from mocca_robot.files.output import write_atomic
 from mocca_robot.files.versions import PLAN
 from mocca_robot.ur.limits import Limits
 from mocca_robot.ur.pose import Six, Three
@@ -168,7 +169,7 @@ def insertion_axis(path: Sequence[Waypoint]) -> tuple[Array, float]:
 
 def write_plan(plan: Plan, path: Path | str) -> None:
     """Write `plan` as JSON; `read_plan` returns an equal plan with the same hash."""
-    Path(path).write_text(json.dumps(document(plan), indent=1) + "\n", encoding="utf-8")
+    write_atomic(Path(path), json.dumps(document(plan), indent=1) + "\n")
 
 
 def document(plan: Plan) -> dict[str, Any]:
