@@ -103,6 +103,10 @@ def corpus(folder: Path) -> dict[str, bytes]:
     (folder / "arch.svg").write_text(DRAWING, encoding="utf-8")
     (folder / "arch.yaml").write_text(CONFIG, encoding="utf-8")
     (folder / "dome.yaml").write_text(GENERATED, encoding="utf-8")
+    with redirect_stdout(io.StringIO()):
+        main(
+            ["export", str(folder / "arch.yaml"), "--format", "dxf", "-o", str(folder / "arch.dxf"), "--min-wall", "0"]
+        )
     (folder / "cell.yaml").write_bytes((ROOT / "configs/cells/ur5e_2f85.yaml").read_bytes())
     (folder / "study.yaml").write_text(
         "base: arch.yaml\nvary:\n  alpha_deg: [1, 2]\nstages: [design]\n", encoding="utf-8"
@@ -277,7 +281,24 @@ def hostile(folder: Path) -> Iterator[Case]:
     yield Case(
         "many arcs", ["check", file("arcs.svg", svg.format(f'<path id="p" d="M 0 0 {"A 1 1 0 1 1 2 0 " * 60_000}Z"/>'))]
     )
+    to_and_fro = "A 1 1 0 1 1 2 0 A 1 1 0 1 1 0 0 " * 4_000
+    yield Case("arcs to and fro", ["check", file("fro.svg", svg.format(f'<path id="p" d="M 0 0 {to_and_fro}Z"/>'))])
     yield Case("huge rectangle", ["check", file("huge.svg", svg.format('<rect id="r" width="1e308" height="1e308"/>'))])
+    head = "0\nSECTION\n2\nENTITIES\n"
+    tail = "0\nENDSEC\n0\nEOF\n"
+    circle = "0\nCIRCLE\n8\n0\n10\n0\n20\n0\n40\n{}\n"
+    units = ["--set", "units=mm", "--set", "fixed=[part_1]"]
+    yield Case(
+        "DXF of many circles",
+        ["check", file("circles.dxf", head + "".join(circle.format(k + 1) for k in range(60_000)) + tail), *units],
+    )
+    yield Case("DXF of endless circles", ["check", file("inf.dxf", head + circle.format("1e999") + tail), *units])
+    yield Case("DXF of deep heaps", ["check", file("heap.dxf", "0\nSECTION\n" * 100_000), *units])
+    block = "0\nSECTION\n2\nBLOCKS\n0\nBLOCK\n2\na\n10\n0\n20\n0\n{}0\nENDBLK\n0\nENDSEC\n"
+    insert = "0\nINSERT\n2\na\n10\n1\n20\n0\n"
+    yield Case(
+        "DXF block in itself", ["check", file("self.dxf", block.format(insert * 9) + head + insert + tail), *units]
+    )
     yield Case("deep plan", ["execute", file("deepp.json", '{"a":' * 100_000 + "1" + "}" * 100_000)])
     deep = "[" * 200_000 + "]" * 200_000
     yield Case("deep JSON", ["check", file("deep.json", deep)])

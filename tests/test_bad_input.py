@@ -1,17 +1,25 @@
 """Bad input: whatever is wrong with a file ends in one InputError that says where, what and what to do."""
 
+import ast
 import json
 import random
+import re
+import resource
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from mocca_robot.cli import main
+from mocca_robot.cli.console import Console
 from mocca_robot.contacts import find_contacts, require_sound
 from mocca_robot.errors import InputError, MoccaError
 from mocca_robot.files.config import Config, load
 
+CONFIGS = Path(__file__).parents[1] / "configs"
 SVG = (
     '<svg xmlns="http://www.w3.org/2000/svg" width="100mm" height="100mm" viewBox="0 0 100 100">'
     '<g transform="translate(1,2) rotate(0)"><rect id="top" x="10" y="20" width="30" height="10"/>'
@@ -309,3 +317,60 @@ def test_mutated_files_end_in_a_configuration_or_an_error(folder: Path, seed: in
     assert outcomes["refused"] >= 20 and outcomes["read"] >= 1
     assert time.monotonic() - start < 60.0  # a hang, not a slow machine
     assert {p.name for p in folder.iterdir()} == {"c.yaml", "model.svg", "model.json"}
+
+
+def test_a_folder_that_takes_no_files_is_told_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    begun: list[str] = []
+    stage = Console.stage
+
+    def noted(console: Console, name: str) -> Any:
+        begun.append(name)
+        return stage(console, name)
+
+    monkeypatch.setattr(Console, "stage", noted)
+    blocked = tmp_path / "a file"
+    blocked.write_text("not a folder")
+    config, cell = str(CONFIGS / "stack.yaml"), str(CONFIGS / "cells" / "ur5e_2f85.yaml")
+    part = {"name": "a", "fixed": True, "polygon": [[0, 0], [1, 0], [1, 1]]}
+    design = {"format": "mocca-robot/design", "version": 1, "units": "m", "dimension": 2, "name": "d"}
+    (tmp_path / "design.json").write_text(
+        json.dumps({**design, "parts": [part, {**part, "name": "b", "fixed": False}], "sequence": ["a", "b"]})
+    )
+    for command in (
+        ["run", config, "-o", str(blocked / "x")],
+        ["design", config, "-o", str(blocked / "x")],
+        ["simulate", config, "-o", str(blocked / "x")],
+        ["check", config, "--picture", str(blocked / "x.svg")],
+        ["view", config, "--export", str(blocked / "x.html")],
+        ["manual", config, "-o", str(blocked / "x.html")],
+        ["plan", str(tmp_path / "design.json"), "--cell", cell, "-o", str(blocked / "x.json")],
+    ):
+        assert main(command) == 2, command
+        assert "Nothing can be written to the folder" in capsys.readouterr().err, command
+        assert set(begun) <= {"read"}, command
+
+
+def test_a_disk_that_fills_up_during_the_work_is_no_error_in_the_program(tmp_path: Path) -> None:
+    def small_files_only() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
+
+    command = [sys.executable, "-m", "mocca_robot.cli", "design", str(CONFIGS / "stack.yaml"), "-o", str(tmp_path)]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=300, preexec_fn=small_files_only)
+    assert ended.returncode == 2, ended.stdout + ended.stderr
+    assert re.search(r"cannot be written: File too large\. Free space or name another folder", ended.stderr)
+    assert "Traceback" not in ended.stderr
+    assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
+
+
+def test_no_number_is_written_or_read_by_the_locale() -> None:
+    for path in (p for part in ("mocca_robot", "planners", "sim") for p in (CONFIGS.parent / part).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                assert "locale" not in [a.name for a in node.names], path
+            if isinstance(node, ast.ImportFrom):
+                assert node.module != "locale", path
+            if isinstance(node, ast.FormattedValue) and node.format_spec is not None:
+                plain = [v.value for v in getattr(node.format_spec, "values", []) if isinstance(v, ast.Constant)]
+                assert not (plain and str(plain[-1]).endswith("n")), path
