@@ -109,8 +109,18 @@ def test_parts_are_named_by_block_text_or_layer(tmp_path: Path) -> None:
             if k == 1:
                 space.add_text("middle  stone", dxfattribs={"layer": "ENGRAVE"}).set_placement((x + 3, 4))
         polyline(document, "0", [(200, 0), (209, 0), (209, 9)])
+        polyline(document, "wall", [(300, 0), (309, 0), (309, 9)])
+        space.add_mtext("west\\Pwall", dxfattribs={"insert": (307, 2)})
 
-    assert set(parts(read_dxf(drawing(tmp_path, draw)))) == {"key_1", "key_2", "CUT_1", "CUT_2", "middle stone", "part"}
+    assert set(parts(read_dxf(drawing(tmp_path, draw)))) == {
+        "key_1",
+        "key_2",
+        "CUT_1",
+        "CUT_2",
+        "middle stone",
+        "part",
+        "west wall",
+    }
 
 
 def test_neighbours_share_their_arc_whoever_draws_it(tmp_path: Path) -> None:

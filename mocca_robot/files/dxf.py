@@ -53,11 +53,16 @@ def read_dxf(path: Path, units: str | None = None, scale: float = 1.0, thickness
 
     Raises InputError for open, branching or crossing outlines, unknown or contradictory units, and what is not flat.
     """
+    import ezdxf
+
     where = f"'{path}'"
     document = _document(path, where)
     unit = _unit(document, units, where)
     walker = _Walker(document, where)
-    walker.walk(document.modelspace(), None, 0)
+    try:
+        walker.walk(document.modelspace(), None, 0)
+    except (ezdxf.DXFError, *BROKEN) as error:
+        raise _damaged(error, where) from None
     groups = [g for g in walker.groups.values() if g.closed or g.loose]
     shapes = _numbered([s for g in groups for s in _shapes(g, walker.texts, where, unit)])
     notes = tuple(f"{where}: {n} {kind} left out (only outlines become parts)" for kind, n in walker.left_out.items())
@@ -89,9 +94,13 @@ def _document(path: Path, where: str) -> Any:
         TypeError,
         ValueError,
     ) as error:
-        said = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
-        raise InputError(f"{where} is damaged or no DXF: {said}. Export it again, as R2000 or later.") from None
+        raise _damaged(error, where) from None
     return document
+
+
+def _damaged(error: Exception, where: str) -> InputError:
+    said = str(error).splitlines()[0][:120] if str(error) else type(error).__name__
+    return InputError(f"{where} is damaged or no DXF: {said}. Export it again, as R2000 or later.")
 
 
 def _unit(document: Any, declared: str | None, where: str) -> str:
@@ -173,9 +182,10 @@ class _Walker:
         self.walk(inside, group, depth + 1)
 
     def _text(self, entity: Any) -> None:
-        said = entity.plain_text() if entity.dxftype() == "MTEXT" else str(entity.dxf.get("text", ""))
-        at = entity.dxf.get("align_point" if entity.dxf.get("halign", 0) or entity.dxf.get("valign", 0) else "insert")
-        at = entity.dxf.get("insert") if at is None else at
+        long = entity.dxftype() == "MTEXT"
+        said = entity.plain_text() if long else str(entity.dxf.get("text", ""))
+        aligned = not long and (entity.dxf.get("halign", 0) or entity.dxf.get("valign", 0))
+        at = (entity.dxf.get("align_point") if aligned else None) or entity.dxf.get("insert")
         if said.strip() and at is not None:
             self.texts.append((" ".join(said.split()), (float(at[0]), float(at[1]))))
 
