@@ -10,6 +10,7 @@ import resource
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -220,13 +221,13 @@ def _value_changed(content: bytes, rng: random.Random) -> bytes:
                 continue
             action = rng.random()
             if action < 0.7:
-                holder[key] = rng.choice(VALUES)
+                holder[key] = deepcopy(rng.choice(VALUES))
             elif action < 0.85:
                 del holder[key]
             elif isinstance(holder, dict):
-                holder["extra"] = rng.choice(VALUES)
+                holder["extra"] = deepcopy(rng.choice(VALUES))
             else:
-                holder.append(rng.choice(VALUES))
+                holder.append(deepcopy(rng.choice(VALUES)))
             break
     return json.dumps(data).encode()
 
