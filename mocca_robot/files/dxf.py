@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -74,6 +75,7 @@ def _document(path: Path, where: str) -> Any:
     import ezdxf
     from ezdxf import recover
 
+    logging.getLogger("ezdxf").addHandler(logging.NullHandler())  # its repairs are not for the terminal
     existing_path(path)
     if not path.is_file():
         raise InputError(f"{where} is not a regular file; export the drawing as DXF again.")
