@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import struct
 import sys
@@ -153,13 +154,18 @@ def png(image: NDArray[np.uint8]) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
 
 
-def _write_mp4(images: Iterator[NDArray[np.uint8]], path: Path, options: FilmOptions) -> Path:
-    try:
-        import imageio_ffmpeg
-    except ImportError:
+def require_encoder(path: Path) -> None:
+    """Raise EnvironmentNeeded when a film to `path` needs what is not installed: better before the run than after."""
+    if path.suffix == ".mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
         raise EnvironmentNeeded(
             "An MP4 film needs imageio-ffmpeg: `pip install mocca-robot[film]`. PNG frames need nothing: give a folder."
-        ) from None
+        )
+
+
+def _write_mp4(images: Iterator[NDArray[np.uint8]], path: Path, options: FilmOptions) -> Path:
+    require_encoder(path)
+    import imageio_ffmpeg
+
     first = next(images)
     writable_folder(path.parent)
     size = (options.width, options.height)

@@ -286,6 +286,14 @@ def test_the_command_writes_its_verdict_and_its_page(tmp_path: Path, capsys: pyt
     assert "the design was altered" in capsys.readouterr().err
 
 
+def test_a_film_that_cannot_be_written_is_refused_before_the_rehearsal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main(["rehearse", str(tmp_path / "no plan.json"), "--film", str(tmp_path / "build.mp4")]) == 2
+    assert "imageio-ffmpeg" in capsys.readouterr().err
+
+
 def test_plans_that_cannot_be_rehearsed_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plan = plan_for(pile())
     bare = replace(plan, cell=replace(plan.cell, extra={}))

@@ -53,11 +53,14 @@ def run(args: argparse.Namespace) -> int:
     from mocca_robot.report.rehearsal import write_rehearsal_page
     from mocca_robot.ur.plan_reader import read_plan
     from sim.cell_film import film, write_cell_film
+    from sim.film import require_encoder
     from sim.rehearsal import rehearse
     from sim.rehearsal_json import rehearsal_to_data, write_rehearsal
 
     console = Console(args.json)
     options = _options(args)
+    if args.film:
+        require_encoder(args.film)
     with console.stage("read"):
         plan = read_plan(args.plan, args.design)
         source = args.design or (args.plan.parent / plan.design if plan.design else None)
