@@ -15,10 +15,20 @@ from mocca_robot.verify import case_at, critical_tilt
 from sim.contact_model import ContactModel
 from sim.disagreement import cause
 from sim.scene import Compiled, compile_scene, with_gravity
-from sim.stability import LIMITS, Limits, StabilityReport, Verdict, at_once, confirmed, free_scene
+from sim.stability import (
+    LIMITS,
+    Limits,
+    StabilityReport,
+    Verdict,
+    at_once,
+    confirmed,
+    free_scene,
+)
 
 RESOLUTION = np.deg2rad(0.1)
 """Width at which the bisection ends."""
+DOUBTED_RESOLUTION = 2.5 * RESOLUTION
+"""The same where every fall is confirmed by the finest step, which takes seconds."""
 TILT_AGREEMENT_RAD = {2: float(np.deg2rad(0.5)), 3: float(np.deg2rad(1.5))}
 """By dimension: critical tilts further apart than this disagree."""
 
@@ -84,8 +94,9 @@ def physical_tilt(
     time, not truth. (A ramp or a hinged platform overshoots by 0.4° to 2°: inertia holds parts back.)
 
     Falls are believed without finer steps first and only the smallest tilt that fell is confirmed; when finer steps
-    hold it, the search goes on above it with every fall confirmed. A critical tilt below statics' by more than the two
-    may differ is confirmed once more, by the finest step, and is told with its cause.
+    hold it, the search goes on above it with every fall confirmed. A fall below statics' tilt by more than the two may
+    differ has to survive all finer steps and the finest; where it does not, the search goes on with falls that do,
+    from the least tilt that agrees, in steps of `DOUBTED_RESOLUTION`. What then disagrees is told with its cause.
     """
     scene = compiled.scene
     friction = scene.settings.friction
@@ -108,20 +119,23 @@ def physical_tilt(
         return sure.get(angle, quick[angle]).stands
 
     def stands_after_all(angle: float) -> bool:
-        if stands(angle):
-            return True
-        if early(angle) and angle not in doubted:
+        if not stands_at_once(angle) and angle not in doubted:
             doubted[angle] = sure[angle] = confirmed(scene_at(angle), quick[angle], limits, doubted=True)
-        return sure[angle].stands
+        return doubted.get(angle, quick[angle]).stands
 
     def early(angle: float) -> bool:
         return guess - angle > TILT_AGREEMENT_RAD[scene.assembly.dimension] - resolution_rad
 
     low, high = _bracket(stands_at_once, guess, resolution_rad)
-    if high < np.pi / 2 and stands(high):
-        low, high = _bracket(stands, guess, resolution_rad, high)
     if early(high) and stands_after_all(high):
-        low, high = _bracket(stands_after_all, guess, resolution_rad, high)
+        as_late_as_agrees = guess - TILT_AGREEMENT_RAD[scene.assembly.dimension]
+        doubtful = max(resolution_rad, float(DOUBTED_RESOLUTION))
+        low, high = _bracket(stands_after_all, as_late_as_agrees, doubtful, high)
+    if not early(high) and high < np.pi / 2:
+        if stands(high):
+            low, high = _bracket(stands, guess, resolution_rad, high)
+        elif high - low > resolution_rad:
+            low, high = _bracket(stands, guess, resolution_rad, low)
     moved = sure[high].moved if high in sure else ()
     failed = tuple(a for a, found in sure.items() if found.verdict is Verdict.FAILED)
     if high >= np.pi / 2:

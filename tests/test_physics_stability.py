@@ -211,7 +211,7 @@ def test_a_doubted_fall_that_every_step_shows_is_believed_and_explained():
     assert isinstance(found, Comparison) and found.verdict == "DISAGREE"
     below = found.probes[0]
     assert (below.statics, below.physics) == ("equilibrium", "fell")
-    assert found.cause.startswith("friction not made by the fall: fell with a step of 5 µs")
+    assert found.cause.startswith("friction not made by the fall: fell with a step of 16.7 µs")
 
 
 def test_a_fall_is_confirmed_with_finer_steps():
