@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -22,6 +24,7 @@ from mocca_robot.joints.bicubic import (
 )
 from mocca_robot.joints.build3d import build_parts_3d
 from mocca_robot.joints.clearance import height_limits
+from mocca_robot.joints.joint import planar
 from mocca_robot.joints.triangulation import boundary_chain, plane_axes
 from mocca_robot.sweep3d import mesh_overlap
 
@@ -39,6 +42,12 @@ def test_flat_triangles_cover_the_contact_and_keep_every_corner(contact):
     assert normals[:, 2].sum() / 2 == pytest.approx(contact.measure, rel=1e-12)
     rings = [contact.polygon, *contact.holes]
     assert len(boundary_chain(facets, len(vertices))) == sum(len(r) for r in rings)
+
+
+def test_a_sliver_among_a_flat_contacts_triangles_has_the_contacts_normal():
+    joint = planar(flat_contact(QUAD))
+    thin = replace(joint, facets=np.vstack([joint.facets, [[0, 1, 1]]]))
+    assert np.array_equal(thin.facet_normals, np.tile(UP, (len(thin.facets), 1)))
 
 
 def test_largest_rectangle_of_known_shapes():

@@ -37,6 +37,9 @@ class Joint:
     @cached_property
     def facet_normals(self) -> Array:
         """Return (F, d) unit normals from P_i into P_j."""
+        if self.is_planar:
+            # The contact's own: a sliver among its triangles has none.
+            return read_only(np.tile(self.contact.normal, (len(self.facets), 1)))
         corners = self.vertices[self.facets]
         if self.vertices.shape[1] == 2:
             t = corners[:, 1] - corners[:, 0]
