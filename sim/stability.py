@@ -37,8 +37,8 @@ class Limits:
         told: displacement, as a multiple of `moved`, at which the run with the finest step ends: it decides alone, and
             what creeps because contacts give takes longest with it.
         finest: further divisor, for a fall where statics says that forces exist which hold. On a leaning tower the
-            brackets of the critical tilt with a thirtieth (11.03 … 11.25°) and a hundredth (11.01 … 11.08°) overlap; a run
-            with the latter takes three times as long.
+            brackets of the critical tilt with a thirtieth (11.03 … 11.25°) and a hundredth (11.01 … 11.08°) overlap; a
+            run with the latter takes three times as long.
         finest_points: contact points above which that run is left out: it would take hours.
     """
 
