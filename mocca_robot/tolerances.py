@@ -38,3 +38,7 @@ class Tolerances:
 
 
 TOLERANCES = Tolerances()
+
+TILT_AGREEMENT_DEG = {2: 0.5, 3: 1.5}
+"""By dimension: critical tilts by statics and physics further apart than this disagree. Rigid facets against slightly
+soft ones explain less."""

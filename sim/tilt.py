@@ -11,6 +11,7 @@ from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import Contact
 from mocca_robot.errors import InputError
 from mocca_robot.loads import tilt_azimuths, tilted_gravity
+from mocca_robot.tolerances import TILT_AGREEMENT_DEG
 from mocca_robot.verify import case_at, critical_tilt
 from sim.contact_model import ContactModel
 from sim.disagreement import cause
@@ -29,8 +30,7 @@ RESOLUTION = np.deg2rad(0.1)
 """Width at which the bisection ends."""
 DOUBTED_RESOLUTION = 2.5 * RESOLUTION
 """The same where every fall is confirmed by the finest step, which takes seconds."""
-TILT_AGREEMENT_RAD = {2: float(np.deg2rad(0.5)), 3: float(np.deg2rad(1.5))}
-"""By dimension: critical tilts further apart than this disagree."""
+TILT_AGREEMENT_RAD = {d: float(np.deg2rad(deg)) for d, deg in TILT_AGREEMENT_DEG.items()}
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ import numpy as np
 
 from mocca_robot.assembly import Assembly, SupportFree
 from mocca_robot.cli.evidence import Finding, quoted
-from mocca_robot.report.findings import NOT_MADE, TILT_AGREEMENT_DEG, because
+from mocca_robot.report.findings import NOT_MADE, because
+from mocca_robot.tolerances import TILT_AGREEMENT_DEG
 
 
 def simulation_findings(assembly: Assembly, simulation: Mapping[str, Any]) -> list[Finding]:

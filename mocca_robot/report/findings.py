@@ -12,10 +12,9 @@ import numpy as np
 
 from mocca_robot.assembly import Interlocking, SupportFree
 from mocca_robot.report.data import ReportData
+from mocca_robot.tolerances import TILT_AGREEMENT_DEG
 from mocca_robot.verify import CaseVerdict
 
-TILT_AGREEMENT_DEG = {2: 0.5, 3: 1.5}
-"""Critical tilts further apart than this disagree: rigid facets against slightly soft ones explain less."""
 NOT_MADE = "friction not made by the fall"
 """Begins the cause of a fall that statics prevents with forces which nothing brings about."""
 
