@@ -187,15 +187,9 @@ def _envelope(
     surface = surface_of(problem, parameters)
     base = _wrenches(problem, surface, result)
     pull = np.stack([result.motions[:, problem.pairs[:, side]] for side in (0, 1)], axis=2)  # (K, E, 2, dof)
-    n_shape = parameters.shape.shape[1]
     push = 2.0 * PENALTY_WEIGHT * np.maximum(hinges, 0.0)
     for p, column in enumerate(columns):
-        shape, lean = parameters.shape.copy(), parameters.lean.copy()
-        if p < n_shape:
-            shape[:, p] += STEP
-        else:
-            lean[:, p - n_shape] += STEP
-        ahead = Parameters(shape, lean, parameters.axis, parameters.curved)
+        ahead = parameters.stepped(p, STEP)
         moved = surface_of(problem, ahead)
         power = np.einsum("kesd,kesd->e", pull, _wrenches(problem, moved, result) - base) / STEP
         bend = (push * (hinge_values(problem, ahead, moved, 0.0) - hinges)).sum(axis=1) / STEP

@@ -36,6 +36,15 @@ class Parameters:
     axis: Array
     curved: BoolArray
 
+    def stepped(self, column: int, step: float) -> Parameters:
+        """Return them with one parameter of every joint, or one lean of every pair, larger by `step`."""
+        shape, lean = self.shape.copy(), self.lean.copy()
+        if column < shape.shape[1]:
+            shape[:, column] += step
+        else:
+            lean[:, column - shape.shape[1]] += step
+        return Parameters(shape, lean, self.axis, self.curved)
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -248,15 +257,9 @@ def linearised(problem: Problem, layout: Layout, parameters: Parameters, warm: E
     step = 1e-6
     surface = surface_of(problem, parameters)
     base = _wrenches(problem, surface, result)
-    n_shape = parameters.shape.shape[1]
     changes, bends = [], []
     for p in range(len(columns)):
-        shape, lean = parameters.shape.copy(), parameters.lean.copy()
-        if p < n_shape:
-            shape[:, p] += step
-        else:
-            lean[:, p - n_shape] += step
-        ahead = Parameters(shape, lean, parameters.axis, parameters.curved)
+        ahead = parameters.stepped(p, step)
         moved = surface_of(problem, ahead)
         changes.append((_wrenches(problem, moved, result) - base) / step)
         bends.append((hinge_values(problem, ahead, moved, shapes.options.alpha_margin_rad) - hinges) / step)
