@@ -1,4 +1,4 @@
-"""One thread for the linear algebra inside a solve: its blocks are too small to share, and waiting burns time."""
+"""One thread for the linear algebra inside a task: its blocks are too small to share, and waiting burns time."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def _pools() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def with_one_blas_thread(solve: Callable[P, R]) -> Callable[P, R]:
-    """Return `solve` running with one BLAS thread; what was set before is set again afterwards."""
+def with_one_blas_thread(task: Callable[P, R]) -> Callable[P, R]:
+    """Return `task` running with one BLAS thread; what was set before is set again afterwards."""
 
-    @wraps(solve)
+    @wraps(task)
     def alone(*args: P.args, **kwargs: P.kwargs) -> R:
         with _pools().limit(limits=1, user_api="blas"):
-            return solve(*args, **kwargs)
+            return task(*args, **kwargs)
 
     return alone

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from mocca_robot.assembly import Array, Assembly, BoolArray, Lateral, read_only
 from mocca_robot.contacts import Contact, ContactReport, find_contacts, require_sound
@@ -18,6 +17,7 @@ from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
 from mocca_robot.parts_graph import PartMotion, part_motions
+from mocca_robot.statics.threads import with_one_blas_thread
 from mocca_robot.verify import insertion_rim, sweep_blockers
 from mocca_robot.ways_out import free_half_angle, ways_out
 from planners.cone_joints.descent import Parameters, Problem, evaluate
@@ -66,6 +66,7 @@ class Designed:
     cases: tuple[LoadCase, ...] = field(default=())
 
 
+@with_one_blas_thread
 def design(
     assembly: Assembly,
     options: JointOptions | None = None,
@@ -93,22 +94,8 @@ def design(
 
     Raises InputError when parts overlap, float free, or none is fixed.
     """
-    # Load cases run side by side; a pool of threads inside each would only get in their way.
-    with threadpool_limits(limits=1, user_api="blas"):
-        return _designed(assembly, options or JointOptions(), insertion, contacts, progress, resume, keep, near)
-
-
-def _designed(
-    assembly: Assembly,
-    options: JointOptions,
-    insertion: Mapping[str, Array] | None,
-    contacts: ContactReport | None,
-    progress: Progress | None,
-    resume: SearchState | None,
-    keep: Keep | None,
-    near: Searched | None,
-) -> Designed:
     started = time.perf_counter()
+    options = options or JointOptions()
     report = contacts or find_contacts(assembly)
     require_sound(assembly, report)
     found = joint_contacts(assembly, report)

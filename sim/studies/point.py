@@ -19,6 +19,7 @@ from mocca_robot.files.design_json import read_design, write_design
 from mocca_robot.joints.joint import planar
 from mocca_robot.loads import tilt_azimuths
 from mocca_robot.parts_graph import parts_graph
+from mocca_robot.statics.threads import with_one_blas_thread
 from mocca_robot.verify import Verification, critical_tilts, verify
 
 Row: TypeAlias = dict[str, Any]
@@ -41,13 +42,9 @@ class Task:
 
 def evaluate(task: Task) -> Row:
     """Return the row of a point; a point that cannot be used or fails is a row with its reason, never an error."""
-    from threadpoolctl import threadpool_limits
-
     started = time.perf_counter()
     try:
-        # One thread of linear algebra, wherever it runs: sums in another order differ in their last digits.
-        with threadpool_limits(limits=1, user_api="blas"):
-            row = _evaluated(task)
+        row = _evaluated(task)
     except MoccaError as error:
         row = {"status": UNUSABLE, "reason": str(error)}
     except Exception as error:
@@ -55,6 +52,7 @@ def evaluate(task: Task) -> Row:
     return {**row, "seconds": time.perf_counter() - started}
 
 
+@with_one_blas_thread  # wherever it runs: sums in another order differ in their last digits
 def _evaluated(task: Task) -> Row:
     config = task.config
     report = find_contacts(config.assembly)
