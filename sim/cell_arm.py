@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.assembly import Array
-from mocca_robot.ur.links import capsules, offsets
+from planners.robot.arm_bodies import add_finger, add_links, add_palm
 from planners.robot.cell import RobotCell
 from planners.robot.tool import ParallelGripper, SuctionGripper
 
@@ -66,42 +66,23 @@ def add_arm(spec: Any, cell: RobotCell, position: Array, quat_wxyz: Array, pad_f
     """
     import mujoco
 
-    model, torque = cell.model, JOINT_TORQUE_NM[cell.model.name]
+    model, torque, gripper = cell.model, JOINT_TORQUE_NM[cell.model.name], cell.gripper
     base = spec.worldbody.add_body(name="base", pos=position, quat=quat_wxyz)
-    parent = base
-    places, shapes = offsets(model), capsules(model)
-    for k in range(6):
-        body = parent.add_body(name=f"link {k}", pos=places[k].position, quat=places[k].quat_wxyz, gravcomp=1.0)
-        joint = body.add_joint(name=f"joint {k}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
-        joint.armature = ARMATURE * torque[k]
-        for n, capsule in enumerate(shapes[k]):
-            body.add_geom(
-                name=f"link {k} {n}",
-                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-                fromto=[*capsule.start, *capsule.end],
-                size=[capsule.radius, 0, 0],
-                mass=LINK_MASS_KG[model.name][k] / len(shapes[k]),
-                # The shoulder stands on the table.
-                contype=0 if k == 0 else ARM,
-                conaffinity=0,
-            )
+    links, flange = add_links(base, model)
+    for k, link in enumerate(links):
+        link.body.gravcomp = 1.0
+        link.joint.armature = ARMATURE * torque[k]
+        for shape in link.shapes:
+            shape.mass = LINK_MASS_KG[model.name][k] / len(link.shapes)
+            # The shoulder stands on the table.
+            shape.contype, shape.conaffinity = 0 if k == 0 else ARM, 0
         stiffness = STIFFNESS_PER_TORQUE * torque[k]
         drive = spec.add_actuator(name=f"joint {k}", target=f"joint {k}", trntype=mujoco.mjtTrn.mjTRN_JOINT)
         drive.set_to_position(kp=stiffness, kv=stiffness / RATE_S)
         drive.forcerange = [-torque[k], torque[k]]
-        parent = body
-    flange = parent.add_body(name="flange", pos=places[6].position, quat=places[6].quat_wxyz, gravcomp=1.0)
-    gripper = cell.gripper
-    low, high = gripper.palm_m
-    flange.add_geom(
-        name="palm",
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        pos=0.5 * (low + high),
-        size=0.5 * (high - low),
-        mass=max(gripper.mass_kg - 2 * FINGER_KG, 0.05),
-        contype=ARM,
-        conaffinity=0,
-    )
+    flange.gravcomp = 1.0
+    palm = add_palm(flange, gripper)
+    palm.mass, palm.contype, palm.conaffinity = max(gripper.mass_kg - 2 * FINGER_KG, 0.05), ARM, 0
     if isinstance(gripper, SuctionGripper):
         _add_stem(flange, gripper)
     else:
@@ -136,27 +117,17 @@ def _add_stem(flange: Any, gripper: SuctionGripper) -> None:
 def _add_fingers(spec: Any, gripper: ParallelGripper, flange: Any, pad_friction: float) -> None:
     import mujoco
 
-    low, high = gripper.finger_m
     tip = np.asarray(gripper.tcp_offset[:3])
-    for name, sign in (("left", 1.0), ("right", -1.0)):
-        finger = flange.add_body(name=f"finger {name}", gravcomp=1.0)
-        joint = finger.add_joint(name=f"finger {name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, sign, 0])
-        joint.armature = FINGER_ARMATURE_KG
-        finger.add_geom(
-            name=f"finger {name}",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=0.5 * (low + high) * np.array([1.0, sign, 1.0]),
-            size=0.5 * (high - low),
-            mass=FINGER_KG,
-            contype=ARM,
-            conaffinity=0,
-        )
+    for name in ("left", "right"):
+        finger = add_finger(flange, gripper, name)
+        finger.body.gravcomp, finger.joint.armature = 1.0, FINGER_ARMATURE_KG
+        finger.shape.mass, finger.shape.contype, finger.shape.conaffinity = FINGER_KG, ARM, 0
         for n, (x, z) in enumerate(((1, 1), (1, -1), (-1, -1), (-1, 1))):
             spread = PAD_SPREAD * gripper.pad_radius_m
-            finger.add_geom(
+            finger.body.add_geom(
                 name=f"pad {name} {n}",
                 type=mujoco.mjtGeom.mjGEOM_SPHERE,
-                pos=tip + np.array([x * spread, sign * PAD_SPHERE_M, z * spread]),
+                pos=tip + np.array([x * spread, finger.sign * PAD_SPHERE_M, z * spread]),
                 size=[PAD_SPHERE_M, 0, 0],
                 mass=0.0,
                 contype=PAD,

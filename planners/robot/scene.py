@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.assembly import Array, IntArray
-from mocca_robot.ur.links import capsules
-from mocca_robot.ur.links import offsets as link_offsets
+from planners.robot.arm_bodies import add_finger, add_links, add_palm
 from planners.robot.cell import RobotCell
 from planners.robot.site import Site
 from planners.robot.tool import ParallelGripper, SuctionGripper
@@ -78,65 +77,30 @@ class Scene:
         self.roles()
 
     def _add_arm(self, spec: Any) -> None:
-        mujoco, model, gripper = self._mujoco, self._cell.model, self._cell.gripper
-        parent = spec.worldbody
-        segments, offsets = capsules(model), link_offsets(model)
-        for k in range(6):
-            body = parent.add_body(name=f"link {k}", pos=offsets[k].position, quat=offsets[k].quat_wxyz)
-            body.add_joint(name=f"joint {k}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
-            for n, capsule in enumerate(segments[k]):
-                body.add_geom(
-                    name=f"link {k} {n}",
-                    type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-                    fromto=[*capsule.start, *capsule.end],
-                    size=[capsule.radius, 0, 0],
-                    contype=_SHOULDER if k == 0 else _ARM,
-                    conaffinity=0,
-                    margin=self._clearance,
-                )
-            parent = body
-        flange = parent.add_body(name="flange", pos=offsets[6].position, quat=offsets[6].quat_wxyz)
-        low, high = gripper.palm_m
-        flange.add_geom(
-            name="palm",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=0.5 * (low + high),
-            size=0.5 * (high - low),
-            contype=_ARM,
-            conaffinity=0,
-            margin=self._clearance,
-        )
+        gripper = self._cell.gripper
+        links, flange = add_links(spec.worldbody, self._cell.model)
+        for k, link in enumerate(links):
+            for shape in link.shapes:
+                self._watch(shape, _SHOULDER if k == 0 else _ARM)
+        self._watch(add_palm(flange, gripper), _ARM)
         hand = ["palm"]
         if isinstance(gripper, ParallelGripper):
-            hand += self._add_fingers(flange, gripper)
+            for side in ("left", "right"):
+                finger = add_finger(flange, gripper, side)
+                self._watch(finger.shape, _FINGERS)
+                hand.append(finger.shape.name)
         else:
             hand += self._add_stem(flange, gripper)
         # The arm against itself: the hand and the wrist against shoulder, upper arm and forearm.
-        names = {k: [f"link {k} {n}" for n in range(len(segments[k]))] for k in range(6)}
+        names = [[shape.name for shape in link.shapes] for link in links]
         for first, second in (
             *((a, b) for k in (0, 1) for a in names[k] for j in (3, 4, 5) for b in names[j]),
             *((a, b) for k in (0, 1, 2) for a in names[k] for b in hand),
         ):
             spec.add_pair(geomname1=first, geomname2=second, margin=0.0)
 
-    def _add_fingers(self, flange: Any, gripper: ParallelGripper) -> list[str]:
-        low, high = gripper.finger_m
-        names = []
-        for side, sign in (("left", 1.0), ("right", -1.0)):
-            name = f"finger {side}"
-            finger = flange.add_body(name=name)
-            finger.add_joint(name=name, type=self._mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, sign, 0])
-            finger.add_geom(
-                name=name,
-                type=self._mujoco.mjtGeom.mjGEOM_BOX,
-                pos=0.5 * (low + high) * np.array([1.0, sign, 1.0]),
-                size=0.5 * (high - low),
-                contype=_FINGERS,
-                conaffinity=0,
-                margin=self._clearance,
-            )
-            names.append(name)
-        return names
+    def _watch(self, shape: Any, kind: int) -> None:
+        shape.contype, shape.conaffinity, shape.margin = kind, 0, self._clearance
 
     def _add_stem(self, flange: Any, gripper: SuctionGripper) -> list[str]:
         lip = gripper.tcp_offset[2]
