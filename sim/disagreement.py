@@ -120,18 +120,14 @@ def _relative_motion(assembly: Assembly, pairs: IntArray, points: Array, motion:
 
 def _displaced(assembly: Assembly, part: int, pose: Array) -> tuple[Array, Array]:
     """Return rotation and shift of a part from its place; flat poses are x, y, turn."""
+    import mujoco
+
     if len(pose) == 3:
         c, s = np.cos(pose[2]), np.sin(pose[2])
         return np.array([[c, -s], [s, c]]), pose[:2]
-    w, x, y, z = pose[3:]
-    turn = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    return turn, pose[:3] - assembly.parts[part].centroid
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, np.ascontiguousarray(pose[3:]))
+    return turn.reshape(3, 3), pose[:3] - assembly.parts[part].centroid
 
 
 def _holds(
