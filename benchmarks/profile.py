@@ -27,6 +27,7 @@ ROOMS = {
     "mocca_robot/report": "report",
     "planners/cone_joints/curvature": "descent",
     "planners/cone_joints/descent": "descent",
+    "planners/cone_joints/unknowns": "descent",
     "planners/cone_joints/energy": "energy and gradient",
     "planners/cone_joints/shapes": "joint geometry",
     "planners/cone_joints/clearance": "joint geometry",

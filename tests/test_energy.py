@@ -13,10 +13,11 @@ from mocca_robot.joints.joint import planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.loads import load_cases
 from mocca_robot.parts_graph import part_motions
-from planners.cone_joints.descent import Layout, Parameters, Problem, evaluate, linearised, moved_wrenches, value_of
+from planners.cone_joints.descent import evaluate, linearised, moved_wrenches, value_of
 from planners.cone_joints.designer import margin_cases
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.shapes2d import Shapes2D
+from planners.cone_joints.unknowns import Layout, Parameters, Problem
 
 
 def tilted_wall(tilt_rad: float, scale: float = 1.0) -> Assembly:

@@ -19,9 +19,10 @@ from mocca_robot.verify import verify
 from planners.baselines.direct_search import direct_search, planar_problem
 from planners.baselines.paper_kinematics import faces
 from planners.baselines.paper_programme import paper_design
-from planners.cone_joints.descent import PENALTY_WEIGHT, Layout, Parameters, evaluate, hinge_values, surface_of
+from planners.cone_joints.descent import PENALTY_WEIGHT, evaluate, hinge_values, surface_of
 from planners.cone_joints.energy import energy
 from planners.cone_joints.shapes2d import Shapes2D
+from planners.cone_joints.unknowns import Layout, Parameters
 
 
 def overhang(beyond: float) -> Assembly:

@@ -20,21 +20,13 @@ from mocca_robot.joints.options import JointOptions
 from mocca_robot.loads import load_cases
 from mocca_robot.parts_graph import part_motions
 from mocca_robot.ways_out import ways_out
-from planners.cone_joints.descent import (
-    PENALTY_WEIGHT,
-    Layout,
-    Parameters,
-    Problem,
-    evaluate,
-    hinge_values,
-    surface_of,
-    violation_of,
-)
+from planners.cone_joints.descent import PENALTY_WEIGHT, evaluate, hinge_values, surface_of, violation_of
 from planners.cone_joints.energy import EnergyResult, Loads, joint_wrenches
 from planners.cone_joints.realization import SOLVED
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.shapes2d import Shapes2D
 from planners.cone_joints.shapes3d import Shapes3D
+from planners.cone_joints.unknowns import Layout, Parameters, Problem
 
 Gradient = Literal["envelope", "finite differences"]
 STEP = 1e-6

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.assembly import Array, BoolArray
-from planners.cone_joints.descent import Problem
 from planners.cone_joints.energy import energy, joint_wrenches
 from planners.cone_joints.shapes2d import Shapes2D
+from planners.cone_joints.unknowns import Problem
 
 
 @dataclass(frozen=True, eq=False)

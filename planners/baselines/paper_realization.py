@@ -10,8 +10,9 @@ from mocca_robot.assembly import Array
 from mocca_robot.joints.spline import SplineKind
 from mocca_robot.motion_cone import distance_to_cone, generalized_normals
 from planners.baselines.paper_kinematics import RequiredCones, faces
-from planners.cone_joints.descent import PENALTY_WEIGHT, Parameters, Problem, hinge_values, surface_of
+from planners.cone_joints.descent import PENALTY_WEIGHT, hinge_values, surface_of
 from planners.cone_joints.shapes2d import Shapes2D
+from planners.cone_joints.unknowns import Parameters, Problem
 
 REACHED = 1e-8
 """Squared distance of a unit face normal to cone(N) that counts as inside (Eq. 19)."""

@@ -16,10 +16,10 @@ from mocca_robot.assembly import Array, BoolArray, IntArray
 from mocca_robot.motion_cone import distance_to_cone, generalized_normals, largest_cone
 from mocca_robot.statics.batch import BatchResult, solve_cases
 from mocca_robot.statics.system import ContactSystem
-from planners.cone_joints.descent import Parameters, Problem
 from planners.cone_joints.energy import SMALL, each_case
 from planners.cone_joints.kinematic import Requirement
 from planners.cone_joints.shapes import Shapes
+from planners.cone_joints.unknowns import Parameters, Problem
 
 FEW_JOINTS = 60
 """Joints up to which leaning shapes are in the catalogue from the start; descent leans those of larger ones."""

@@ -17,9 +17,10 @@ from mocca_robot.errors import InputError
 from mocca_robot.files.output import write_json
 from mocca_robot.files.versions import PROGRESS
 from mocca_robot.joints.options import JointOptions
-from planners.cone_joints.descent import Descent, Parameters
+from planners.cone_joints.descent import Descent
 from planners.cone_joints.realization import Polished, Polishing
 from planners.cone_joints.search import SearchState, Stage
+from planners.cone_joints.unknowns import Parameters
 
 METHOD = 1
 """Raise it when designing takes another course: states kept from before are not gone on with then."""

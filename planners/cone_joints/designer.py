@@ -20,7 +20,7 @@ from mocca_robot.parts_graph import PartMotion, part_motions
 from mocca_robot.statics.threads import with_one_blas_thread
 from mocca_robot.verify import insertion_rim, sweep_blockers
 from mocca_robot.ways_out import free_half_angle, ways_out
-from planners.cone_joints.descent import Parameters, Problem, evaluate
+from planners.cone_joints.descent import evaluate
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.kinematic import Impossible, bound
 from planners.cone_joints.realization import Polished
@@ -28,6 +28,7 @@ from planners.cone_joints.search import Keep, Progress, Searched, SearchState, s
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.shapes2d import Shapes2D
 from planners.cone_joints.shapes3d import Shapes3D
+from planners.cone_joints.unknowns import Parameters, Problem
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,14 +16,13 @@ from planners.cone_joints.descent import (
     MARGIN_SOLVED,
     VIOLATED,
     Descent,
-    Parameters,
-    Problem,
     descend,
     evaluate,
     evaluate_built,
     violation_of,
 )
 from planners.cone_joints.energy import EnergyResult
+from planners.cone_joints.unknowns import Parameters, Problem
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,11 +10,12 @@ from functools import partial
 import numpy as np
 
 from planners.cone_joints.catalogue import fit, select
-from planners.cone_joints.descent import VIOLATED, Parameters, Problem, evaluate
+from planners.cone_joints.descent import VIOLATED, evaluate
 from planners.cone_joints.kinematic import required_wrenches
 from planners.cone_joints.realization import SOLVED, Polished, Polishing, polish
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.thinning import thin
+from planners.cone_joints.unknowns import Parameters, Problem
 
 MANY_JOINTS = 60
 """Joints above which descent starts from all joints curved and makes planar afterwards what it can: with so many

@@ -15,18 +15,10 @@ import numpy as np
 
 from mocca_robot.assembly import Array, BoolArray
 from mocca_robot.statics.system import ContactSystem
-from planners.cone_joints.descent import (
-    MARGIN_SOLVED,
-    VIOLATED,
-    Parameters,
-    Problem,
-    evaluate,
-    moved_wrenches,
-    narrowed,
-    surface_of,
-)
+from planners.cone_joints.descent import MARGIN_SOLVED, VIOLATED, evaluate, moved_wrenches, narrowed, surface_of
 from planners.cone_joints.energy import each_case
 from planners.cone_joints.realization import SOLVED, Polished, as_it_is, polish
+from planners.cone_joints.unknowns import Parameters, Problem
 
 PASSES = 10
 PRICE = 1e-7
