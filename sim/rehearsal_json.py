@@ -8,7 +8,7 @@ from typing import Any
 
 from mocca_robot.files.output import write_json
 from mocca_robot.files.versions import REHEARSAL
-from sim.rehearsal import PartRehearsal, Rehearsal, Standing
+from sim.rehearsal_result import PartRehearsal, Rehearsal, Standing
 
 
 def write_rehearsal(rehearsal: Rehearsal, path: str | Path) -> Path:

@@ -33,8 +33,9 @@ from planners.robot.tool import SuctionGripper
 from sim.cell import SimulatedCell
 from sim.cell_force import hand_wrench
 from sim.cell_model import SUPPORT_N_M, Moment, Pose, Workplace, compile_moment, seat, workplace
-from sim.rehearsal import Options, Rehearsal, rehearse, waiting, watch
+from sim.rehearsal import rehearse, waiting, watch
 from sim.rehearsal_json import rehearsal_to_data
+from sim.rehearsal_result import Options, Rehearsal
 from sim.weld import soften
 
 ROOT = Path(__file__).resolve().parents[1]

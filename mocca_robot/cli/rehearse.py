@@ -14,7 +14,7 @@ from mocca_robot.errors import InputError
 if TYPE_CHECKING:
     from typing import Any
 
-    from sim.rehearsal import PartRehearsal, Rehearsal
+    from sim.rehearsal_result import PartRehearsal, Rehearsal
 
 DESCRIPTION = """Build a plan in MuJoCo: the arm follows the plan, the gripper holds parts by friction, parts slide in,
 and after every release the structure is left alone until it rests. The executor is the one that drives a real arm.
@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _options(args: argparse.Namespace) -> Any:
-    from sim.rehearsal import Options
+    from sim.rehearsal_result import Options
 
     shift, _, turn = args.pose_noise.partition(",")
     try:
