@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import shapely
 
 from mocca_robot.assembly import DEFAULT_THICKNESS, Array
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.curves import elevated
 from mocca_robot.files.documents import existing_path
-from mocca_robot.files.drawing import CLOSED, LARGEST, Drawing, Shape, Subpath, add_chain, polygons, require_few
+from mocca_robot.files.drawing import CLOSED, LARGEST, Drawing, add_chain, polygons, require_few
+from mocca_robot.files.outlines import Group, numbered, shapes_of
 
 MAX_DXF_BYTES = 32 * 1024 * 1024
 MAX_ENTITIES = 50_000
@@ -32,16 +31,6 @@ BROKEN = (ArithmeticError, AttributeError, LookupError, MemoryError, RecursionEr
 """What reading a damaged drawing can raise."""
 FLAT = 1e-4
 """Share of the drawing's size up to which heights count as flat."""
-
-
-@dataclass(eq=False)
-class _Group:
-    """What is drawn together: on one layer, or inside one block reference."""
-
-    name: str
-    closed: list[Subpath] = field(default_factory=list)
-    loose: list[Array] = field(default_factory=list)
-    is_block: bool = False
 
 
 def read_dxf(path: Path, units: str | None = None, scale: float = 1.0, thickness: float = DEFAULT_THICKNESS) -> Drawing:
@@ -65,7 +54,7 @@ def read_dxf(path: Path, units: str | None = None, scale: float = 1.0, thickness
     except (ezdxf.DXFError, *BROKEN) as error:
         raise _damaged(error, where) from None
     groups = [g for g in walker.groups.values() if g.closed or g.loose]
-    shapes = _numbered([s for g in groups for s in _shapes(g, walker.texts, where, unit)])
+    shapes = numbered([s for g in groups for s in shapes_of(g, walker.texts, where, unit)])
     notes = tuple(f"{where}: {n} {kind} left out (only outlines become parts)" for kind, n in walker.left_out.items())
     factor = fields.UNITS_M[unit] * scale
     return Drawing(polygons(shapes, where, factor, unit, thickness, y_up=True), unit, factor, notes)
@@ -130,13 +119,13 @@ class _Walker:
     def __init__(self, document: Any, where: str) -> None:
         self.document = document
         self.where = where
-        self.groups: dict[object, _Group] = {}
+        self.groups: dict[object, Group] = {}
         self.texts: list[tuple[str, tuple[float, float]]] = []
         self.left_out: Counter[str] = Counter()
         self.seen = 0
         self.curves = 0
 
-    def walk(self, entities: Iterable[Any], group: _Group | None, depth: int) -> None:
+    def walk(self, entities: Iterable[Any], group: Group | None, depth: int) -> None:
         for entity in entities:
             self.seen += 1
             if self.seen > MAX_ENTITIES or depth > MAX_DEPTH:
@@ -163,18 +152,18 @@ class _Walker:
         layer = self.document.layers.get(name) if name in self.document.layers else None
         return layer is not None and (layer.is_off() or layer.is_frozen())
 
-    def _layer(self, entity: Any) -> _Group:
+    def _layer(self, entity: Any) -> Group:
         name = str(entity.dxf.get("layer", "0"))
-        return self.groups.setdefault(("layer", name.lower()), _Group(name))
+        return self.groups.setdefault(("layer", name.lower()), Group(name))
 
-    def _insert(self, entity: Any, group: _Group | None, depth: int) -> None:
+    def _insert(self, entity: Any, group: Group | None, depth: int) -> None:
         name = str(entity.dxf.get("name", ""))
         if entity.mcount > 1:
             raise InputError(
                 f"{self.where}: block '{name[:60]}' is inserted as an array; explode it into single blocks."
             )
         if group is None:
-            group = self.groups.setdefault(("block", len(self.groups)), _Group(name, is_block=True))
+            group = self.groups.setdefault(("block", len(self.groups)), Group(name, is_block=True))
         before = self.seen
         try:
             inside = list(entity.virtual_entities())
@@ -191,7 +180,7 @@ class _Walker:
         if said.strip() and at is not None:
             self.texts.append((" ".join(said.split()), (float(at[0]), float(at[1]))))
 
-    def _outline(self, entity: Any, group: _Group) -> None:
+    def _outline(self, entity: Any, group: Group) -> None:
         curves, closed = _curves(entity, f"{self.where}: {entity.dxftype()} on layer '{group.name[:60]}'")
         self.curves += len(curves)
         require_few(self.curves, self.where)
@@ -231,103 +220,3 @@ def _curves(entity: Any, where: str) -> tuple[list[Array], bool]:
     closed = bool(getattr(entity, "closed", False) or getattr(entity, "is_closed", False))
     gap = float(np.linalg.norm(curves[-1][3] - curves[0][0]))
     return curves, closed or gap <= CLOSED * size
-
-
-def _shapes(group: _Group, texts: Sequence[tuple[str, tuple[float, float]]], where: str, unit: str) -> Iterator[Shape]:
-    """Yield the parts of one group: the outlines that lie in no other one, each with those inside it."""
-    rings = [*group.closed, *_joined(group, where, unit)]
-    areas = [shapely.Polygon(r.curves[:, 0]) if len(r.curves) > 2 else _polyline(r) for r in rings]
-    sound = [a if a.is_valid else a.buffer(0) for a in areas]
-    order = sorted(range(len(rings)), key=lambda k: -sound[k].area)
-    parents: dict[int, int] = {}
-    tree = shapely.STRtree(sound)
-    for k in order:
-        around = [int(j) for j in tree.query(sound[k].representative_point(), predicate="within") if j != k]
-        larger = [j for j in around if sound[j].area > sound[k].area * (1 + 1e-9)]
-        if larger:
-            parents[k] = min(larger, key=lambda j: sound[j].area)
-
-    def depth(k: int) -> int:
-        count = 0
-        while k in parents:
-            k, count = parents[k], count + 1
-        return count
-
-    depths = {k: depth(k) for k in order}
-    for k in range(len(rings)):
-        if depths[k] % 2 == 0:
-            holes = [j for j in range(len(rings)) if parents.get(j) == k and depths[j] == depths[k] + 1]
-            inside = [t for t, at in texts if not group.is_block and sound[k].contains(shapely.Point(at))]
-            name = inside[0] if len(inside) == 1 else group.name
-            yield Shape(name, (rings[k], *(rings[j] for j in holes)))
-
-
-def _polyline(ring: Subpath) -> shapely.Polygon:
-    """Return the area of a ring of one or two curves."""
-    t = np.linspace(0.0, 1.0, 9)[:-1, None, None]
-    c = ring.curves[None]
-    points = (1 - t) ** 3 * c[..., 0, :] + 3 * (1 - t) ** 2 * t * c[..., 1, :]
-    points = points + 3 * (1 - t) * t**2 * c[..., 2, :] + t**3 * c[..., 3, :]
-    return shapely.Polygon(points.transpose(1, 0, 2).reshape(-1, 2))
-
-
-def _joined(group: _Group, where: str, unit: str) -> list[Subpath]:
-    """Return the outlines that the open lines and arcs of a group form, end to end."""
-    if not group.loose:
-        return []
-    ends = np.array([[c[0, 0], c[-1, 3]] for c in group.loose])
-    size = float(np.linalg.norm(np.ptp(ends.reshape(-1, 2), axis=0))) or 1.0
-    spot = _spots(ends.reshape(-1, 2), CLOSED * size * 10).reshape(-1, 2)
-    meeting: dict[int, list[tuple[int, int]]] = {}
-    for k, pair in enumerate(spot):
-        for end in (0, 1):
-            meeting.setdefault(int(pair[end]), []).append((k, end))
-    for met in meeting.values():
-        if len(met) != 2:
-            x, y = ends[met[0][0], met[0][1]]
-            said = "ends there" if len(met) == 1 else f"branches there: {len(met)} lines meet"
-            raise InputError(
-                f"{where}: the outline on layer or in block '{group.name[:60]}' is not closed at ({x:.6g}, {y:.6g}) "
-                f"{unit}, it {said}; draw every part as one closed polyline, or on a layer of its own."
-            )
-    found: list[Subpath] = []
-    left = set(range(len(group.loose)))
-    while left:
-        k, end = min(left), 0
-        chain: list[Array] = []
-        while k in left:
-            left.remove(k)
-            curves = group.loose[k]
-            chain.extend(curves if end == 0 else curves[::-1, ::-1])
-            at = int(spot[k, 1 - end])
-            k, end = next(m for m in meeting[at] if m != (k, 1 - end))
-        add_chain(found, chain, True)
-    return found
-
-
-def _spots(points: Array, slack: float) -> Array:
-    """Return the number of each point's place (n,): points closer than `slack` are in one."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import KDTree
-
-    pairs = KDTree(points).query_pairs(slack, output_type="ndarray")
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
-    return np.asarray(connected_components(graph, directed=False)[1])
-
-
-def _numbered(shapes: list[Shape]) -> list[Shape]:
-    """Return the shapes with '_1', '_2', … after names that several have; layer 0 is called 'part'."""
-    named = [Shape("part" if s.name == "0" else s.name, s.subpaths) for s in shapes]
-    count = Counter(s.name for s in named)
-    used: Counter[str] = Counter()
-    taken = {n for n, c in count.items() if c == 1}
-    found = []
-    for shape in named:
-        name = shape.name
-        while count[shape.name] > 1 and (name == shape.name or name in taken):
-            used[shape.name] += 1
-            name = f"{shape.name}_{used[shape.name]}"
-        taken.add(name)
-        found.append(Shape(name, shape.subpaths))
-    return found
