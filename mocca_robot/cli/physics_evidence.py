@@ -59,7 +59,7 @@ def _disagreements(assembly: Assembly, simulation: Mapping[str, Any]) -> list[st
             count = len(tilt["runs_without_verdict_deg"])
             found.append(f"{count} of MuJoCo's runs gave no verdict at a {_tilt_words(assembly, tilt)}.")
         elif _apart(assembly, tilt) and not _explained(tilt):
-            found.append(f"MuJoCo and statics disagree on the {_tilt_words(assembly, tilt)}{because(tilt)}.")
+            found.append(_disagreement(assembly, tilt))
     return found
 
 
@@ -70,7 +70,11 @@ def explained(assembly: Assembly, simulation: Mapping[str, Any]) -> list[str]:
     it counts on no friction, and experiments showed that the forces that statics found come about by clamping only.
     """
     apart = [t for t in simulation.get("tilt", ()) if _apart(assembly, t) and _explained(t)]
-    return [f"MuJoCo and statics disagree on the {_tilt_words(assembly, t)}{because(t)}." for t in apart]
+    return [_disagreement(assembly, t) for t in apart]
+
+
+def _disagreement(assembly: Assembly, tilt: Mapping[str, Any]) -> str:
+    return f"MuJoCo and statics disagree on the {_tilt_words(assembly, tilt)}{because(tilt)}."
 
 
 def _explained(tilt: Mapping[str, Any]) -> bool:

@@ -56,8 +56,8 @@ class Limits:
     """The controller stops the program when it hears nothing for one period: the link or this process died."""
 
     def lowered(self, values: Mapping[str, object], where: str = "") -> Limits:
-        """Return these limits with some lowered; InputError for an unknown name, a non-number or a raise. `where` the
-        values stand is said then.
+        """Return these limits with some lowered; InputError for an unknown name, a non-number or a raise, which
+        names the file or section `where` the values stand.
         """
         place = f"{where}: limit" if where else "Limit"
         known = {f.name for f in fields(self)}
