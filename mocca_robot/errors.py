@@ -26,6 +26,6 @@ def nearest(name: str, known: Iterable[str]) -> str:
     """Return a clause such as ``"did you mean 'alpha_deg'? Known: …"`` for an unknown `name`."""
     names = sorted(str(k) for k in known)
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    hint = f"did you mean '{close[0]}'? " if close else ""
+    hint = f"did you mean '{close[0]}'? K" if close else "k"
     listed = ", ".join(names[:20]) + (", …" if len(names) > 20 else "")
-    return f"{hint}Known: {listed}."
+    return f"{hint}nown: {listed}."

@@ -31,6 +31,8 @@ from sim.trial_store import Row, Trial, TrialStore, run_trials
 
 METHOD = 9
 """Raise it when verdicts are reached in another way: trials kept from before then run again."""
+MANY_INSERTIONS = 60
+"""About how many insertions make up for starting processes: each step of theirs runs Python, which threads share."""
 Result = TypeVar("Result")
 
 
@@ -41,6 +43,7 @@ def simulate(
     progress: Callable[[str, int, int], None] | None = None,
     store: TrialStore | None = None,
     executor: Executor | None = None,
+    processes: Executor | None = None,
 ) -> Simulation:
     """Return physics' verdicts on an assembly's geometry.
 
@@ -51,6 +54,7 @@ def simulate(
         progress: called with (what was done, trials done, trials in all of this stage).
         store: keeps finished trials, so that an interrupted simulation resumes; default: in memory.
         executor: runs the trials; default: `questions.threads` threads.
+        processes: runs the insertions in its stead where they are many.
 
     Ctrl-C ends it early with `interrupted` set and everything that was finished. Raises InputError for parts that
     overlap, float free or have no mass, and for models that would not fit into memory.
@@ -61,7 +65,7 @@ def simulate(
     store = TrialStore() if store is None else store
     report = find_contacts(assembly)
     require_sound(assembly, report)
-    work = _Work(assembly, report.contacts, insertion or {}, questions, progress, store, executor)
+    work = _Work(assembly, report.contacts, insertion or {}, questions, progress, store, executor, processes)
     result = Simulation(assembly.name, f"mujoco {mujoco.__version__}", assembly.dimension, notes=_near_misses(report))
     stages: tuple[tuple[str, Callable[[Simulation], Simulation]], ...] = (
         ("states", work.states),
@@ -90,11 +94,13 @@ class _Work:
         progress: Callable[[str, int, int], None] | None,
         store: TrialStore,
         executor: Executor | None,
+        processes: Executor | None,
     ) -> None:
         for name in insertion:
             assembly.index(name)
         self.assembly, self.contacts, self.ways, self.ask = assembly, contacts, insertion, questions
-        self.progress, self.store, self.executor = progress, store, executor
+        self.progress, self.store = progress, store
+        self.executor, self.processes = executor, processes
         self.identity = (assembly_hash(assembly), _engine())
 
     def states(self, so_far: Simulation) -> Simulation:
@@ -108,7 +114,7 @@ class _Work:
             )
             for case in state_cases(self.assembly)
         ]
-        rows, complete = self._rows(trials)
+        rows, complete = self._rows(trials, self.executor)
         return self._finished(replace(so_far, states=tuple(_restored(StateResult, r) for r in rows)), complete)
 
     def tilt(self, so_far: Simulation) -> Simulation:
@@ -126,7 +132,7 @@ class _Work:
             for mu in frictions
             for a in azimuths(self.assembly, self.ask.azimuths)
         ]
-        rows, complete = self._rows(trials)
+        rows, complete = self._rows(trials, self.executor)
         return self._finished(replace(so_far, tilt=tuple(_restored(TiltReport, r) for r in rows)), complete)
 
     def insertion(self, so_far: Simulation) -> Simulation:
@@ -152,14 +158,15 @@ class _Work:
                 Trial(f"insert {part.name}", ("insert", *self.identity, *what), find_out)
                 for what, find_out in self._insertion_groups(flat, cone, standing[index])
             ]
-        rows, complete = self._rows(trials)
+        many = self.processes is not None and len(trials) * self.ask.directions >= MANY_INSERTIONS
+        rows, complete = self._rows(trials, self.processes if many else self.executor)
         found = tuple(_restored(InsertionTrial, t) for row in rows for t in row["trials"])
         result = replace(so_far, cones=tuple(cones), insertion=found, notes=(*so_far.notes, *notes))
         return self._finished(result, complete)
 
     def robust(self, so_far: Simulation) -> Simulation:
         trials = robust_trials(self.assembly, self.contacts, self.ways, self.ask.robust, self.ask.seed, self.identity)
-        rows, complete = self._rows(trials)
+        rows, complete = self._rows(trials, self.executor)
         return self._finished(replace(so_far, robust=robust_report(rows, self.ask.robust)), complete)
 
     def _insertion_groups(
@@ -201,8 +208,8 @@ class _Work:
         result = solve_case(self.assembly, self.contacts, case, self.ask.friction).result
         return result.status is Status.EQUILIBRIUM
 
-    def _rows(self, trials: Sequence[Trial]) -> tuple[list[Row], bool]:
-        rows = run_trials(trials, self.store, self.ask.threads, self.progress, self.executor)
+    def _rows(self, trials: Sequence[Trial], executor: Executor | None) -> tuple[list[Row], bool]:
+        rows = run_trials(trials, self.store, self.ask.threads, self.progress, executor)
         done = [row for row in rows if row is not None]
         return done, len(done) == len(trials)
 

@@ -67,7 +67,9 @@ def test_the_svg_reads_back_as_the_same_parts(assembly: Assembly, tmp_path: Path
 def test_the_dxf_is_sound_and_holds_cuts_and_names_on_layers(assembly: Assembly, tmp_path: Path) -> None:
     import ezdxf
 
-    document = ezdxf.readfile(write_cut_dxf(assembly, tmp_path / "cut.dxf"))
+    written = write_cut_dxf(assembly, tmp_path / "cut.dxf")
+    assert written.read_bytes() == write_cut_dxf(assembly, tmp_path / "again.dxf").read_bytes()
+    document = ezdxf.readfile(written)
     assert not document.audit().errors
     assert document.units == ezdxf.units.MM
     cuts = list(document.modelspace().query('LWPOLYLINE[layer=="CUT"]'))

@@ -5,14 +5,17 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.random_assemblies import random_assembly
 from mocca_robot.assembly import Assembly, Mesh, Part, Polygon
+from mocca_robot.cli import main
 from mocca_robot.contacts import find_contacts
 from mocca_robot.errors import InputError
+from mocca_robot.files.assembly_json import read_assembly, write_assembly
 from mocca_robot.loads import state_cases
 from mocca_robot.verify import insertion_rim, solve_case, sweep_blockers
 from planners.order.sequence import SequenceResult, SequenceStatus, find_sequence, reordered
@@ -68,12 +71,16 @@ def test_every_step_of_an_order_can_be_done(kind: str) -> None:
         assert found.obstacles or found.status is SequenceStatus.BUDGET
 
 
-def test_a_part_inside_another_is_deadlocked_by_name() -> None:
+def ring_with_core() -> Assembly:
     ring = Polygon(
         np.array([[0, 0.02], [0.06, 0.02], [0.06, 0.08], [0, 0.08]]),
         (np.array([[0.02, 0.04], [0.02, 0.06], [0.04, 0.06], [0.04, 0.04]]),),
     )
-    assembly = flat(box("ground", -0.05, 0, 0.15, 0.02, True), Part("ring", ring), box("core", 0.02, 0.04, 0.02, 0.02))
+    return flat(box("ground", -0.05, 0, 0.15, 0.02, True), Part("ring", ring), box("core", 0.02, 0.04, 0.02, 0.02))
+
+
+def test_a_part_inside_another_is_deadlocked_by_name() -> None:
+    assembly = ring_with_core()
     found = find_sequence(assembly)
     assert found.status is SequenceStatus.DEADLOCKED
     assert not found.placements
@@ -210,3 +217,17 @@ def test_a_tower_of_139_parts_is_ordered() -> None:
     found = find_sequence(mixed)
     assert found.status is SequenceStatus.FOUND
     assert sorted(p.part for p in found.placements) == sorted(free)
+
+
+def test_the_order_found_can_be_written_and_gone_on_with(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    tower = [box(f"b{k}", 0, 0.02 + 0.02 * k, 0.04, 0.02) for k in range(3)]
+    upside_down = write_assembly(
+        flat(box("ground", -0.05, 0, 0.15, 0.02, True), *reversed(tower)), tmp_path / "upside_down.json"
+    )
+    written = tmp_path / "tower.json"
+    assert main(["sequence", str(upside_down), "-o", str(written)]) == 0
+    assert str(written) in capsys.readouterr().out
+    assert read_assembly(written).assembly.sequence == ("ground", "b0", "b1", "b2")
+    locked = write_assembly(ring_with_core(), tmp_path / "locked.json")
+    assert main(["sequence", str(locked), "-o", str(tmp_path / "none.json")]) == 1
+    assert not (tmp_path / "none.json").exists()

@@ -14,6 +14,7 @@ from mocca_robot.contacts import Contact, ContactReport
 from mocca_robot.files.config import Config
 from mocca_robot.loads import load_cases, state_cases, tilt_azimuths
 from mocca_robot.mobility import Mobility, mobility
+from mocca_robot.report.markup import plural
 from mocca_robot.verify import CaseVerdict, Verification, critical_tilts, insertion_verdicts, part_overlap, solve_case
 
 
@@ -90,7 +91,7 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
     out = [
         f"{assembly.name}: {assembly.dimension}D, {len(assembly.parts)} parts, {mass:.3g} kg, "
         f"{assembly.size:.3g} m in size; fixed: {fixed}",
-        f"contacts: {len(contacts)} between {len({c.parts for c in contacts})} pairs",
+        f"contacts: {len(contacts)} between {plural(len({c.parts for c in contacts}), 'pair')}",
     ]
     for miss in found.report.near_misses:
         a, b = miss.parts

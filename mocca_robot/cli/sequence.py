@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mocca_robot.cli import arguments
@@ -24,6 +25,9 @@ def add(commands: Any) -> None:
     parser.add_argument("--holders", type=int, metavar="K", help="how many parts can be held at once (default: any)")
     parser.add_argument("--friction", type=float, metavar="MU", help="Coulomb coefficient (default: the file's, or 0)")
     parser.add_argument("--states", type=int, default=2000, metavar="N", help="states to examine (default 2000)")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="write the assembly in the order found, as assembly JSON, to go on with"
+    )
     arguments.add_json(parser)
     parser.set_defaults(run=run)
 
@@ -31,7 +35,8 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Return 0 when an order was found, 1 with the reason otherwise."""
     from mocca_robot.contacts import find_contacts, require_sound
-    from planners.order.sequence import find_sequence
+    from mocca_robot.files.assembly_json import write_assembly
+    from planners.order.sequence import find_sequence, reordered
 
     console = Console(args.json)
     with console.stage("read"):
@@ -45,6 +50,9 @@ def run(args: argparse.Namespace) -> int:
         )
     for line in lines(found):
         console.say(line)
+    if args.output is not None and found.placements:
+        path = write_assembly(reordered(config.assembly, [p.part for p in found.placements]), Path(args.output))
+        console.say(f"written: {path}")
     console.say(console.times())
     return console.finish(0 if found.placements else 1, document(found))
 

@@ -286,6 +286,7 @@ def simulated(outcome: Outcome, questions: Questions, folder: Path, console: Con
 
     Finished trials are kept in trials.jsonl, so that the same command goes on where it was interrupted.
     """
+    from mocca_robot.executors import executor
     from sim.simulate import simulate
     from sim.simulation_json import simulation_to_data, write_simulation
     from sim.trial_store import TrialStore
@@ -294,7 +295,12 @@ def simulated(outcome: Outcome, questions: Questions, folder: Path, console: Con
     ways = {i.part: i.direction for i in outcome.design.insertion}
     with console.stage("simulate") as show:
         store = TrialStore(folder / "trials.jsonl")
-        found = simulate(assembly, ways, questions, lambda what, done, total: show(f"{done} of {total}: {what}"), store)
+
+        def tell(what: str, done: int, total: int) -> None:
+            show(f"{done} of {total}: {what}")
+
+        with executor(questions.threads) as processes:
+            found = simulate(assembly, ways, questions, tell, store, processes=processes)
         path = write_simulation(found, folder / "simulation.json")
     data = simulation_to_data(found)
     findings = (*outcome.findings, *physics_evidence.simulation_findings(assembly, data))

@@ -65,6 +65,17 @@ def svg_text(sheet: Sheet, labels: bool) -> str:
 def dxf_text(sheet: Sheet, labels: bool) -> str:
     """Return the sheet as a DXF document (R2010, millimetres)."""
     import ezdxf
+
+    # The same sheet has to give the same file: no dates, no random identifiers.
+    dated, ezdxf.options.write_fixed_meta_data_for_testing = ezdxf.options.write_fixed_meta_data_for_testing, True
+    try:
+        return _dxf_text(sheet, labels)
+    finally:
+        ezdxf.options.write_fixed_meta_data_for_testing = dated
+
+
+def _dxf_text(sheet: Sheet, labels: bool) -> str:
+    import ezdxf
     from ezdxf.enums import TextEntityAlignment
 
     document = ezdxf.new("R2010", units=ezdxf.units.MM)

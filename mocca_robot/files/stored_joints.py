@@ -54,7 +54,7 @@ def joints_of(stored: StoredDesign, contacts: Sequence[Contact]) -> tuple[Joint,
 def _built(stored: StoredJoint, contact: Contact, where: str) -> Joint:
     dimension = contact.polygon.shape[1]
     if stored.kind not in KINDS[dimension]:
-        raise InputError(f"{where} is of the unknown type '{stored.kind}'. {nearest(stored.kind, KINDS[dimension])}")
+        raise InputError(f"{where} is of the unknown type '{stored.kind}'; {nearest(stored.kind, KINDS[dimension])}")
     if stored.kind == "planar":
         return planar(contact)
     try:

@@ -114,7 +114,7 @@ def _vacuum(value: object, where: str) -> VacuumWiring:
 def _signal(raw: Mapping[str, Any], key: str, where: str) -> str:
     name = _text(raw, key, where)
     if name not in SIGNALS:
-        raise InputError(f"{where}: {key} is '{name}'. {nearest(name, SIGNALS)}")
+        raise InputError(f"{where}: {key} is '{name}'; {nearest(name, SIGNALS)}")
     return name
 
 
@@ -149,7 +149,7 @@ def _step(raw: Mapping[str, Any], where: str) -> Step:
 def _move(raw: Mapping[str, Any], where: str) -> Move:
     kind = _text(raw, "kind", where)
     if kind not in set(MoveKind):
-        raise InputError(f"{where}: unknown kind '{kind}'. {nearest(kind, MoveKind)}")
+        raise InputError(f"{where}: unknown kind '{kind}'; {nearest(kind, MoveKind)}")
     where = f"{where} ({kind})"
     return Move(
         kind=MoveKind(kind),

@@ -72,7 +72,7 @@ def _given(site: Site, cell: RobotCell) -> Tray:
     names = [b.name for b in site.bodies if not b.fixed]
     for name in cell.tray_places:
         if name not in names:
-            raise InputError(f"The tray of cell '{cell.name}' names '{name}', no free part. {nearest(name, names)}")
+            raise InputError(f"The tray of cell '{cell.name}' names '{name}', no free part; {nearest(name, names)}")
     for body in site.bodies:
         if body.fixed:
             continue

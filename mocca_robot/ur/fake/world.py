@@ -71,10 +71,10 @@ class Trigger:
         """Return the trigger in `FAULT[@MODE[:NTH[:DELAY_S]]]`, such as `jam@force:2` or `nan@servo:1:0.5`."""
         name, _, moment = text.partition("@")
         if name not in set(Fault):
-            raise InputError(f"Unknown fault '{name}'. {nearest(name, Fault)}")
+            raise InputError(f"Unknown fault '{name}'; {nearest(name, Fault)}")
         mode, *rest = moment.split(":") if moment else ["any"]
         if mode not in MODES:
-            raise InputError(f"Unknown moment '{mode}' of fault '{text}'. {nearest(mode, MODES)}")
+            raise InputError(f"Unknown moment '{mode}' of fault '{text}'; {nearest(mode, MODES)}")
         try:
             nth, delay = int(rest[0]) if rest else 1, float(rest[1]) if len(rest) > 1 else 0.0
         except ValueError:
