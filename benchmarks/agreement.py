@@ -24,11 +24,11 @@ from mocca_robot.loads import tilted_gravity
 from mocca_robot.statics import Status
 from mocca_robot.verify import case_at, critical_tilt, solve_case
 from planners.cone_joints.designer import design
-from sim.contact_model import contact_model
+from sim.contact_model import contact_model, telling_rays
 from sim.disagreement import cause
 from sim.scene import with_gravity
 from sim.stability import judged
-from sim.tilt import TILT_AGREEMENT_RAD, azimuths, tilt_scene
+from sim.tilt import TILT_AGREEMENT_RAD, azimuths, detailed_scene, tilt_scene
 
 FLAT_KINDS = (*KINDS, *LOCKED_KINDS)
 PLAIN_FRICTIONS = (0.0, 0.4, 0.25, 0.6)
@@ -169,7 +169,11 @@ def compared(assembly: Assembly, friction: float, azimuth_rad: float) -> Compari
     else:
         around = [azimuth_rad + k * np.pi / 4 for k in range(0, 8, 4 if assembly.dimension == 2 else 1)]
         angles = [] if "equilibrium" in {statics(limit, a) for a in around} else [0.0]
-    compiled = tilt_scene(assembly, contact_model(assembly, report.contacts, friction), friction)
+    rays = telling_rays(assembly, report.contacts, friction)
+    if rays is None:
+        compiled = tilt_scene(assembly, contact_model(assembly, report.contacts, friction), friction)
+    else:
+        compiled = detailed_scene(assembly, report.contacts, rays, azimuth_rad, critical, friction)
     probes = []
     why = ""
     for angle in angles:

@@ -276,9 +276,9 @@ def _add_joints(
     there = built if moving is None else {*built, moving}
     met = [c for c in place.contacts if set(c.parts) <= there and loose & set(c.parts)]
     if moving is None or moment.phase == "rest":
-        model = _deep(assembly, facets(assembly, met))
+        model = _deep(assembly, facets(met))
     elif assembly.dimension == 2:
-        model = _deep(assembly, facets(assembly, [c for c in met if moving not in c.parts]))
+        model = _deep(assembly, facets([c for c in met if moving not in c.parts]))
         _pair_skins(spec, place, moving, built, settings)
     else:
         model = solid_pieces(assembly, met, moving)

@@ -14,12 +14,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, IntArray
+from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray
 from mocca_robot.contacts import Contact
+from mocca_robot.loads import LoadCase, case_wrenches
 from mocca_robot.motion_cone import extreme_rays, generalized_normals
+from mocca_robot.statics import EquilibriumResult, Status, equilibrium
 
 COVERED = 0.06
 """Stop once every ray lies this close (radians, in the scaled wrench space) to a kept one."""
+VIOLATED = 1e-4
+"""Speed into a contact, relative to the fastest at any, from which a motion violates it."""
+MOST_ROUNDS = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +44,26 @@ class Rays:
     reach: float
 
 
-def reduced_rays(
-    assembly: Assembly, contacts: Sequence[Contact], resolution: int, friction: float = 0.0
-) -> Iterator[Rays]:
-    """Yield the kept rays of every pair that shares contacts, at most `resolution` a pair."""
+@dataclass(frozen=True, eq=False)
+class PairRays:
+    """All contact points of one pair that its wrench cone needs, and which of them a model keeps.
+
+    Attributes:
+        rays: all of them.
+        kept: (m,) true for those that span the cone best.
+    """
+
+    rays: Rays
+    kept: BoolArray
+
+    @property
+    def reduced(self) -> Rays:
+        """Return the kept ones."""
+        return Rays(self.rays.pair, self.rays.points[self.kept], self.rays.normals[self.kept], self.rays.reach)
+
+
+def pair_rays(contacts: Sequence[Contact], resolution: int, friction: float = 0.0) -> Iterator[PairRays]:
+    """Yield the rays of every pair that shares contacts, at most `resolution` of them kept a pair."""
     by_pair: dict[tuple[int, int], list[Contact]] = {}
     for contact in contacts:
         by_pair.setdefault(contact.parts, []).append(contact)
@@ -50,23 +71,81 @@ def reduced_rays(
         points = np.concatenate([c.polygon for c in mine])
         normals = np.concatenate([np.tile(c.normal, (len(c.polygon), 1)) for c in mine])
         reach = float(np.linalg.norm(np.ptp(points, axis=0)))
-        kept = _spread(points, normals, reach, resolution, friction)
-        yield Rays(pair, points[kept], normals[kept], reach)
+        wrenches = generalized_normals(points, normals, points.mean(axis=0), 0.5 * reach)
+        needed = extreme_rays(wrenches, tolerance=1e-6) if friction == 0.0 else _corners(wrenches, normals)
+        kept = _spread(wrenches[needed], resolution)
+        yield PairRays(Rays(pair, points[needed], normals[needed], reach), kept)
 
 
-def _spread(points: Array, normals: Array, reach: float, resolution: int, friction: float) -> Array:
-    """Return indices of rays that span the cone, farthest first from those already kept."""
-    wrenches = generalized_normals(points, normals, points.mean(axis=0), 0.5 * reach)
-    candidates = extreme_rays(wrenches, tolerance=1e-6) if friction == 0.0 else _corners(wrenches, normals)
-    unit = wrenches[candidates] / np.linalg.norm(wrenches[candidates], axis=1)[:, None]
-    first = int(np.argmin(unit @ unit.mean(axis=0)))
-    kept = [first]
-    nearest = np.linalg.norm(unit - unit[first], axis=1)
-    while len(kept) < resolution and nearest.max() > COVERED:
+def reduced_rays(contacts: Sequence[Contact], resolution: int, friction: float = 0.0) -> Iterator[Rays]:
+    """Yield the kept rays of every pair that shares contacts, at most `resolution` a pair."""
+    return (found.reduced for found in pair_rays(contacts, resolution, friction))
+
+
+def holding(
+    assembly: Assembly, contacts: Sequence[Contact], pairs: Sequence[PairRays], case: LoadCase, friction: float = 0.0
+) -> list[PairRays]:
+    """Return `pairs` with as many more rays kept as it takes to hold what all of them hold under `case`.
+
+    Statics says how the parts would move on the kept rays alone; in every pair the ray that this motion violates most
+    is kept, too, until nothing moves, or nothing violates a ray.
+    """
+    rays = [p.rays for p in pairs]
+    number = np.repeat(np.arange(len(rays)), [len(r.points) for r in rays])
+    parts = np.array([r.pair for r in rays])[number]
+    points, normals = np.concatenate([r.points for r in rays]), np.concatenate([r.normals for r in rays])
+    kept = np.concatenate([p.kept for p in pairs])
+    there = case.present[parts].all(axis=1)
+    about = np.array([p.centroid for p in assembly.parts])
+    wrenches = case_wrenches(case, assembly, contacts)
+    for _ in range(MOST_ROUNDS):
+        used = kept & there
+        found = equilibrium(
+            parts[used],
+            points[used],
+            normals[used],
+            wrenches,
+            fixed=~case.free,
+            friction=friction,
+            about=about,
+            length=assembly.size / 2,
+        )
+        assert isinstance(found, EquilibriumResult)
+        if found.status is not Status.NOT_IN_EQUILIBRIUM:
+            break
+        first, second = (_velocity(found.motions, about, parts[:, side], points) for side in (0, 1))
+        opening = ((second - first) * normals).sum(axis=1)
+        sliding = np.linalg.norm(second - first - opening[:, None] * normals, axis=1)
+        speed = np.where(there & ~kept, opening - friction * sliding, 0.0)
+        order = np.argsort(speed)
+        order = order[speed[order] < -VIOLATED * np.linalg.norm(second - first, axis=1).max(initial=0.0)]
+        if not len(order):
+            break
+        kept[order[np.unique(number[order], return_index=True)[1]]] = True
+    ends = np.cumsum([len(r.points) for r in rays])[:-1]
+    return [PairRays(r, k) for r, k in zip(rays, np.split(kept, ends), strict=True)]
+
+
+def _velocity(motions: Array, about: Array, part: IntArray, points: Array) -> Array:
+    """Return (C, d) the velocity of points of their parts under motions (N, dof) about reference points (N, d)."""
+    d = points.shape[1]
+    arm, turn = points - about[part], motions[part, d:]
+    turned = turn * np.stack([-arm[:, 1], arm[:, 0]], axis=1) if d == 2 else np.cross(turn, arm)
+    return np.asarray(motions[part, :d] + turned)
+
+
+def _spread(wrenches: Array, resolution: int) -> BoolArray:
+    """Return (m,) which rays to keep to span the cone, farthest first from those already kept."""
+    unit = wrenches / np.linalg.norm(wrenches, axis=1)[:, None]
+    kept = np.zeros(len(unit), dtype=np.bool_)
+    worst = int(np.argmin(unit @ unit.mean(axis=0)))
+    kept[worst] = True
+    nearest = np.linalg.norm(unit - unit[worst], axis=1)
+    while kept.sum() < resolution and nearest.max() > COVERED:
         worst = int(nearest.argmax())
-        kept.append(worst)
+        kept[worst] = True
         nearest = np.minimum(nearest, np.linalg.norm(unit - unit[worst], axis=1))
-    return np.asarray(candidates[sorted(kept)])
+    return kept
 
 
 def _corners(wrenches: Array, normals: Array) -> IntArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -10,6 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from mocca_robot.assembly import Array, Assembly, Mesh, Polygon, read_only
+from mocca_robot.errors import MoccaError
 from sim.heard import heard
 from sim.scene import Compiled
 
@@ -52,6 +54,14 @@ Stop: TypeAlias = Callable[[float, Array, Array], bool]
 def reach(assembly: Assembly) -> Array:
     """Return (N,) the largest distance of a part's points from its centre of mass, metres."""
     return np.array([np.linalg.norm(_points(p.shape) - p.centroid, axis=1).max() for p in assembly.parts])
+
+
+class Abandoned(MoccaError):
+    """A run was ended from outside; it says nothing."""
+
+
+abandoned = threading.Event()
+"""Set to end all runs of this process at their next look."""
 
 
 def run(
@@ -98,6 +108,8 @@ def run(
             failure = step_failure(model, data) or ("energy grew without cause" if grew else None)
         if step % every and failure is None:
             continue
+        if abandoned.is_set():
+            raise Abandoned("Interrupted before it came to a verdict.")
         displacement, speed = _travel(compiled, data, start, far)
         times.append(float(data.time))
         poses.append(data.qpos[compiled.qpos])

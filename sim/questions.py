@@ -11,6 +11,7 @@ from sim.hand import HandOptions, PlacingError
 from sim.robust import RobustOptions
 
 STAGES = ("states", "tilt", "insertion", "robust")
+TILT_FRICTIONS = (0.0, 0.3)
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,8 @@ class Questions:
     Attributes:
         stages: any of 'states', 'tilt', 'insertion', 'robust'.
         friction: Coulomb coefficient in states, insertions and robustness trials.
-        tilt_frictions: one tilt table each; `friction` is added when missing.
+        tilt_frictions: one tilt table each; `friction` is added when missing. None: `TILT_FRICTIONS`, of which those
+            with friction are left out, with a note, where a structure is so large that they would take hours.
         azimuths: of the tilt table in 3D (2D: right and left).
         directions: ways in that cover each part's cone.
         clearances: metres; every one is tried along the axis and the rim.
@@ -33,7 +35,7 @@ class Questions:
 
     stages: tuple[str, ...] = ("states", "tilt", "insertion")
     friction: float = 0.0
-    tilt_frictions: tuple[float, ...] = (0.0, 0.3)
+    tilt_frictions: tuple[float, ...] | None = None
     azimuths: int = 8
     directions: int = 12
     clearances: tuple[float, ...] = (0.0, 3e-4)
@@ -54,6 +56,6 @@ class Questions:
                 raise InputError(f"No stage is called '{stage}'; {nearest(stage, STAGES)}")
         if self.azimuths < 1 or self.directions < 1:
             raise InputError(f"azimuths = {self.azimuths} and directions = {self.directions} must both be at least 1.")
-        for value in (self.friction, *self.tilt_frictions, *self.clearances):
+        for value in (self.friction, *(self.tilt_frictions or ()), *self.clearances):
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"Friction and clearance must be finite and not negative; {value} is not.")

@@ -17,19 +17,21 @@ from mocca_robot.content_hash import assembly_hash
 from mocca_robot.loads import LoadCase, state_cases
 from mocca_robot.statics import Status
 from mocca_robot.verify import solve_case
-from sim.contact_model import ContactModel, contact_model, pieces
+from sim.contact_model import ContactModel, PairRays, contact_model, facet_pairs, pieces, telling_rays
+from sim.contact_rays import holding
 from sim.directions import Direction, InsertionCone, directions, insertion_cone
 from sim.hand import PlacingError
 from sim.insertion import InsertionTrial, insert, insertion_scene
-from sim.questions import Questions
+from sim.questions import TILT_FRICTIONS, Questions
 from sim.robust import robust_report, robust_trials
 from sim.scene import Compiled
 from sim.simulation import ConeSummary, Simulation
+from sim.stability import LIMITS
 from sim.states import StateResult, state_result
-from sim.tilt import TiltReport, azimuths, physical_tilt, tilt_scene
+from sim.tilt import TiltReport, azimuths, detailed_tilt, physical_tilt, tilt_scene
 from sim.trial_store import Row, Trial, TrialStore, run_trials
 
-METHOD = 9
+METHOD = 10
 """Raise it when verdicts are reached in another way: trials kept from before then run again."""
 MANY_INSERTIONS = 60
 """About how many insertions make up for starting processes: each step of theirs runs Python, which threads share."""
@@ -104,13 +106,14 @@ class _Work:
         self.identity = (assembly_hash(assembly), _engine())
 
     def states(self, so_far: Simulation) -> Simulation:
-        model = contact_model(self.assembly, self.contacts, self.ask.friction)
-
+        touching = telling_rays(self.assembly, self.contacts, self.ask.friction) or contact_model(
+            self.assembly, self.contacts, self.ask.friction
+        )
         trials = [
             Trial(
                 f"state {case.name.removeprefix('state_')}",
                 ("state", *self.identity, case.name, self.ask.friction),
-                partial(_state, self.assembly, model, self.contacts, case, self.ask.friction),
+                partial(_state, self.assembly, self.contacts, touching, case, self.ask.friction),
             )
             for case in state_cases(self.assembly)
         ]
@@ -118,16 +121,24 @@ class _Work:
         return self._finished(replace(so_far, states=tuple(_restored(StateResult, r) for r in rows)), complete)
 
     def tilt(self, so_far: Simulation) -> Simulation:
-        frictions = sorted({*self.ask.tilt_frictions, self.ask.friction})
-        compiled = {
-            mu: tilt_scene(self.assembly, contact_model(self.assembly, self.contacts, mu), mu) for mu in frictions
+        frictions = sorted({*(self.ask.tilt_frictions or TILT_FRICTIONS), self.ask.friction})
+        rays = {mu: telling_rays(self.assembly, self.contacts, mu) for mu in frictions}
+        if self.ask.tilt_frictions is None:
+            left_out = [mu for mu in frictions if mu not in (0.0, self.ask.friction) and _too_many(rays[mu])]
+            frictions = [mu for mu in frictions if mu not in left_out]
+            so_far = replace(so_far, notes=(*so_far.notes, *map(_left_out, left_out)))
+        scenes = {
+            mu: tilt_scene(self.assembly, contact_model(self.assembly, self.contacts, mu), mu)
+            for mu in frictions
+            if not rays[mu]
         }
-
         trials = [
             Trial(
                 f"tilt {np.rad2deg(a):.0f}°, friction {mu:g}",
                 ("tilt", *self.identity, float(a), mu),
-                partial(_tilt, compiled[mu], self.contacts, float(a)),
+                partial(_detailed_tilt, self.assembly, self.contacts, chosen, float(a), mu)
+                if (chosen := rays[mu])
+                else partial(_tilt, scenes[mu], self.contacts, float(a)),
             )
             for mu in frictions
             for a in azimuths(self.assembly, self.ask.azimuths)
@@ -218,13 +229,27 @@ class _Work:
 
 
 def _state(
-    assembly: Assembly, model: ContactModel, contacts: Sequence[Contact], case: LoadCase, friction: float
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    touching: ContactModel | Sequence[PairRays],
+    case: LoadCase,
+    friction: float,
 ) -> Row:
+    if isinstance(touching, ContactModel):
+        model = touching
+    else:
+        model = facet_pairs(r.reduced for r in holding(assembly, contacts, touching, case, friction))
     return asdict(state_result(assembly, model, contacts, case, friction))
 
 
 def _tilt(compiled: Compiled, contacts: Sequence[Contact], azimuth: float) -> Row:
     return asdict(physical_tilt(compiled, contacts, azimuth))
+
+
+def _detailed_tilt(
+    assembly: Assembly, contacts: Sequence[Contact], rays: Sequence[PairRays], azimuth: float, friction: float
+) -> Row:
+    return asdict(detailed_tilt(assembly, contacts, rays, azimuth, friction))
 
 
 def _inserted(
@@ -253,6 +278,17 @@ def _inserted(
     if axis is not None:
         results += [insert(ready, axis, error=e, hand=ask.hand) for e in errors]
     return {"trials": [asdict(r) for r in results]}
+
+
+def _too_many(rays: Sequence[PairRays] | None) -> bool:
+    return rays is not None and sum(int(r.kept.sum()) for r in rays) > LIMITS.finest_points
+
+
+def _left_out(friction: float) -> str:
+    return (
+        f"the tilt table with friction {friction:g} is left out: with so many contact points it takes hours; "
+        f"--friction {friction:g} asks for it"
+    )
 
 
 def _near_misses(report: ContactReport) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ def solid_pieces(assembly: Assembly, contacts: Sequence[Contact], part: int, cle
     The earlier parts carry each other by facet pairs, for when they are left free.
     """
     mine = merged([piece for c in contacts if c.parts[1] == part for piece in convex_contacts(c)])
-    others = facets(assembly, [c for c in contacts if c.parts[1] < part])
+    others = facets([c for c in contacts if c.parts[1] < part])
     if not mine:
         return others
     corners = np.concatenate([c.polygon for c in mine])

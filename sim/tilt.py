@@ -13,7 +13,8 @@ from mocca_robot.errors import InputError
 from mocca_robot.loads import tilt_azimuths, tilted_gravity
 from mocca_robot.tolerances import TILT_AGREEMENT_DEG
 from mocca_robot.verify import case_at, critical_tilt
-from sim.contact_model import ContactModel
+from sim.contact_model import ContactModel, PairRays, facet_pairs
+from sim.contact_rays import holding
 from sim.disagreement import cause
 from sim.scene import Compiled, compile_scene, with_gravity
 from sim.stability import (
@@ -23,13 +24,16 @@ from sim.stability import (
     Verdict,
     at_once,
     confirmed,
+    contact_points,
     free_scene,
 )
 
-RESOLUTION = np.deg2rad(0.1)
-"""Width at which the bisection ends."""
+RESOLUTION, COARSE_RESOLUTION = np.deg2rad(0.1), np.deg2rad(0.5)
+"""Width at which the bisection ends; with more contact points than `Limits.finest_points` a run takes minutes."""
 DOUBTED_RESOLUTION = 2.5 * RESOLUTION
 """The same where every fall is confirmed by the finest step, which takes seconds."""
+HELD_BELOW_RAD = float(np.deg2rad(0.25))
+"""Contact points that are chosen for a tilt hold up to this much below statics' critical one, or more."""
 TILT_AGREEMENT_RAD = {d: float(np.deg2rad(deg)) for d, deg in TILT_AGREEMENT_DEG.items()}
 
 
@@ -80,18 +84,44 @@ def tilt_scene(assembly: Assembly, model: ContactModel, friction: float = 0.0) -
     return compile_scene(free_scene(assembly, model, friction=friction))
 
 
+def detailed_scene(
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    rays: Sequence[PairRays],
+    azimuth_rad: float,
+    critical_rad: float,
+    friction: float = 0.0,
+) -> Compiled:
+    """Return the finished assembly with contact points for one azimuth, at which statics' critical tilt is given."""
+    if critical_rad > 0.0:
+        case = case_at(assembly, max(0.0, critical_rad - HELD_BELOW_RAD), azimuth_rad)
+        rays = holding(assembly, contacts, rays, case, friction)
+    return tilt_scene(assembly, facet_pairs(r.reduced for r in rays), friction)
+
+
+def detailed_tilt(
+    assembly: Assembly, contacts: Sequence[Contact], rays: Sequence[PairRays], azimuth_rad: float, friction: float
+) -> TiltReport:
+    """Return the critical tilt of an assembly of so many contact points that they are chosen for this azimuth."""
+    guess = critical_tilt(assembly, contacts, azimuth_rad, friction)
+    compiled = detailed_scene(assembly, contacts, rays, azimuth_rad, guess, friction)
+    return physical_tilt(compiled, contacts, azimuth_rad, guess_rad=guess)
+
+
 def physical_tilt(
     compiled: Compiled,
     contacts: Sequence[Contact],
     azimuth_rad: float,
     *,
     limits: Limits = LIMITS,
-    resolution_rad: float = float(RESOLUTION),
+    resolution_rad: float | None = None,
+    guess_rad: float | None = None,
 ) -> TiltReport:
     """Return the critical tilt of a compiled scene, each tilt from a fresh start under fixed rotated gravity.
 
-    Statics gives the first guess; every bracket is then confirmed by runs of its own, so a wrong guess costs
-    time, not truth. (A ramp or a hinged platform overshoots by 0.4° to 2°: inertia holds parts back.)
+    Statics gives the first guess (`guess_rad`, when it is known already); every bracket is then confirmed by runs of
+    its own, so a wrong guess costs time, not truth. (A ramp or a hinged platform overshoots by 0.4° to 2°: inertia
+    holds parts back.)
 
     Falls are believed without finer steps first and only the smallest tilt that fell is confirmed; when finer steps
     hold it, the search goes on above it with every fall confirmed. A fall below statics' tilt by more than the two may
@@ -100,7 +130,9 @@ def physical_tilt(
     """
     scene = compiled.scene
     friction = scene.settings.friction
-    guess = critical_tilt(scene.assembly, contacts, azimuth_rad, friction)
+    if resolution_rad is None:
+        resolution_rad = float(RESOLUTION if contact_points(compiled) <= limits.finest_points else COARSE_RESOLUTION)
+    guess = critical_tilt(scene.assembly, contacts, azimuth_rad, friction) if guess_rad is None else guess_rad
     quick: dict[float, StabilityReport] = {}
     sure: dict[float, StabilityReport] = {}
     doubted: dict[float, StabilityReport] = {}
@@ -170,6 +202,6 @@ def _probes(guess: float, width: float) -> list[float]:
     Never the guess itself: exactly at the critical tilt a fall takes longest to tell.
     """
     out = []
-    for spread in (0.49, 4.0, 16.0):
+    for spread in (0.49, 4.0, 16.0, 64.0):
         out += [guess - spread * width, guess + spread * width]
     return [a for a in out if 0.0 < a < np.pi / 2]

@@ -11,7 +11,10 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from mocca_robot.content_hash import content_hash
+from sim.motion import abandoned
 
+GRACE_S = 5.0
+"""After Ctrl-C, trials that have begun may take so long to finish; then they are abandoned."""
 Row: TypeAlias = dict[str, Any]
 """A finished trial as plain JSON values."""
 
@@ -86,6 +89,7 @@ def run_trials(
     done = len(trials) - len(todo)
     workers = threads or os.cpu_count() or 1
     pool = ThreadPoolExecutor(max_workers=workers) if executor is None else executor
+    abandoned.clear()
     queue, waiting = iter(todo), dict[Future[Row], int]()
     try:
         while True:
@@ -101,10 +105,12 @@ def run_trials(
                 if progress is not None:
                     progress(trials[k].label, done, len(trials))
     except KeyboardInterrupt:
-        for future, k in waiting.items():
-            if not future.cancel() and future.exception() is None:  # what has begun is finished and kept
-                rows[k] = future.result()
-                store.put(keys[k], rows[k] or {})
+        begun = [future for future in waiting if not future.cancel()]
+        for future in wait(begun, timeout=GRACE_S).done:
+            if future.exception() is None:
+                rows[waiting[future]] = future.result()
+                store.put(keys[waiting[future]], future.result())
+        abandoned.set()
     finally:
         for future in waiting:
             future.cancel()

@@ -12,8 +12,11 @@ from physics_models import box_stack_3d, jointed, rectangle, stack
 from mocca_robot.assembly import Assembly, Mesh, Part, Polygon, signed_area
 from mocca_robot.contacts import find_contacts
 from mocca_robot.errors import InputError
-from sim.contact_model import facets, pieces
-from sim.contact_rays import reduced_rays
+from mocca_robot.loads import case_wrenches
+from mocca_robot.statics import equilibrium
+from mocca_robot.verify import case_at, critical_tilt
+from sim.contact_model import BUDGET, ENOUGH, facets, pieces, telling_rays
+from sim.contact_rays import holding, pair_rays, reduced_rays
 from sim.convex_pieces import convex_pieces
 from sim.inertia import inertia
 from sim.scene import MEMORY_LIMIT, compile_scene, predict, spec
@@ -66,20 +69,47 @@ def test_the_model_has_the_parts_masses_where_they_belong():
 
 
 def test_flat_contacts_keep_their_corners_and_no_more():
-    assembly, contacts = box_stack_3d(2)
-    for rays in reduced_rays(assembly, contacts, 12):
+    contacts = box_stack_3d(2)[1]
+    for rays in reduced_rays(contacts, 12):
         assert len(rays.points) == 4
 
 
 def test_kept_rays_are_bounded_by_the_resolution():
-    assembly, contacts = jointed(stack(2), 0.3)
+    contacts = jointed(stack(2), 0.3)[1]
     for limit in (4, 8):
-        assert all(len(r.points) <= limit for r in reduced_rays(assembly, contacts, limit))
+        assert all(len(r.points) <= limit for r in reduced_rays(contacts, limit))
+
+
+def test_rays_chosen_for_a_load_hold_what_all_of_them_hold():
+    assembly, contacts = jointed(stack(4), 0.3)
+    critical = critical_tilt(assembly, contacts, 0.0)
+    few = tuple(pair_rays(contacts, 2))
+
+    def tilt(chosen) -> float:
+        pairs = np.concatenate([np.tile(p.rays.pair, (int(p.kept.sum()), 1)) for p in chosen])
+        points = np.concatenate([p.reduced.points for p in chosen])
+        normals = np.concatenate([p.reduced.normals for p in chosen])
+        angles = np.linspace(0.0, critical, 50)
+        loads = np.array([case_wrenches(case_at(assembly, a, 0.0), assembly, contacts) for a in angles])
+        return float(angles[[r.stands for r in equilibrium(pairs, points, normals, loads, fixed=[0])]].max(initial=0.0))
+
+    assert tilt(few) < 0.5 * critical
+    chosen = holding(assembly, contacts, few, case_at(assembly, 0.98 * critical, 0.0))
+    assert tilt(chosen) >= 0.96 * critical
+    assert sum(p.kept.sum() for p in chosen) < sum(len(p.kept) for p in chosen)
+
+
+def test_few_contact_points_are_taken_at_once_and_many_chosen_load_by_load():
+    assembly, contacts = box_stack_3d(3)
+    assert telling_rays(assembly, contacts) is None
+    many = [replace(contacts[0], parts=(k, k + 1)) for k in range(BUDGET // ENOUGH + 1)]
+    chosen = telling_rays(assembly, many)
+    assert chosen is not None and len(chosen) == len(many)
 
 
 def test_a_model_that_would_not_fit_is_refused_before_compiling(monkeypatch):
     assembly = stack(3)
-    scene = free_scene(assembly, facets(assembly, find_contacts(assembly).contacts))
+    scene = free_scene(assembly, facets(find_contacts(assembly).contacts))
     assert predict(scene).memory_bytes < MEMORY_LIMIT
     monkeypatch.setattr("sim.scene.MEMORY_LIMIT", 1000)
     with pytest.raises(InputError, match="simulate fewer parts"):

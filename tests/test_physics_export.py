@@ -29,7 +29,7 @@ def scene_2d(angle: float = 0.0):
 
 def scene_3d():
     assembly, contacts = box_stack_3d(2)
-    return free_scene(assembly, facets(assembly, contacts), friction=0.5)
+    return free_scene(assembly, facets(contacts), friction=0.5)
 
 
 @pytest.mark.parametrize("make", [scene_2d, scene_3d])

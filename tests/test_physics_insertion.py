@@ -166,7 +166,7 @@ def test_a_curved_solid_joint_lets_in_and_holds_what_its_cone_says(height):
     assert all(t.succeeded for t in inside), [t.reason for t in inside]
     assert max(t.peak_force / t.allowed_force for t in inside) < 0.05
     assert len(outside) == 8 and not any(t.succeeded for t in outside)
-    compiled = tilt_scene(assembly, facets(assembly, contacts))
+    compiled = tilt_scene(assembly, facets(contacts))
     for azimuth in (0.0, np.pi / 4):
         tilt = physical_tilt(compiled, contacts, azimuth)
         assert tilt.statics_rad > np.deg2rad(5.0)

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import json
+import sys
+import threading
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from physics_models import WIDTH, jointed, stack
+from physics_models import WIDTH, box_stack_3d, jointed, stack
 
 from mocca_robot.content_hash import content_hash
 from mocca_robot.errors import InputError
+from sim.contact_model import contact_model
+from sim.motion import Abandoned, abandoned
 from sim.questions import Questions
 from sim.robust import RobustOptions, wilson
 from sim.simulate import simulate
 from sim.simulation import Simulation
 from sim.simulation_json import read_simulation, simulation_to_data, write_simulation
+from sim.stability import LIMITS, free_scene, stability
 from sim.tilt import TiltReport
 from sim.trial_store import Trial, TrialStore, run_trials
 
@@ -90,6 +95,47 @@ def test_an_interruption_keeps_what_is_finished(tmp_path):
     assert found.interrupted and not found.tilt and not found.insertion
     assert 0 < len(store) == len(found.states)
     assert simulation_to_data(found)["interrupted"]
+
+
+def test_what_takes_too_long_after_an_interruption_is_abandoned(monkeypatch):
+    monkeypatch.setattr("sim.trial_store.GRACE_S", 0.05)
+    begun = threading.Event()
+
+    def endless() -> dict[str, object]:
+        begun.set()
+        assert abandoned.wait(60.0), "nobody said that it was over"
+        raise Abandoned("over")
+
+    def stop(label: str, done: int, total: int) -> None:
+        assert begun.wait(60.0)
+        raise KeyboardInterrupt
+
+    rows = run_trials([Trial("quick", ("q",), dict), Trial("endless", ("e",), endless)], TrialStore(), 2, stop)
+    assert rows == [{}, None]
+
+
+def test_a_run_that_is_abandoned_says_nothing(monkeypatch):
+    assembly, contacts = jointed(stack(2))
+    abandoned.set()
+    try:
+        with pytest.raises(Abandoned):
+            stability(free_scene(assembly, contact_model(assembly, contacts)))
+    finally:
+        abandoned.clear()
+
+
+def test_large_structures_are_tilted_with_friction_only_when_asked(monkeypatch):
+    assembly = box_stack_3d(3)[0]
+    monkeypatch.setattr("sim.contact_model.ENOUGH", 10**6)
+    monkeypatch.setattr(sys.modules[simulate.__module__], "LIMITS", replace(LIMITS, finest_points=1))
+    ask = Questions(stages=("tilt",), azimuths=1)
+    found = simulate(assembly, None, ask)
+    assert {t.friction for t in found.tilt} == {0.0}
+    assert any("friction 0.3 is left out" in note for note in found.notes)
+    asked = simulate(assembly, None, replace(ask, friction=0.3))
+    assert {t.friction for t in asked.tilt} == {0.0, 0.3} and not asked.notes
+    for tilt in asked.tilt:
+        assert abs(tilt.difference_rad) < np.deg2rad(1.5)
 
 
 def test_an_error_in_a_trial_is_raised_and_the_others_are_kept():

@@ -37,7 +37,7 @@ def let_go(assembly, angle=0.0, friction=0.0, model=None):
 def test_a_block_slides_down_a_slope_from_atan_mu(friction, side, kind):
     block = stack(1)
     contacts = find_contacts(block).contacts
-    model = pieces(block) if kind == "pieces" else facets(block, contacts)
+    model = pieces(block) if kind == "pieces" else facets(contacts)
     angle = np.arctan(friction) + side * np.deg2rad(0.5)
     assert let_go(block, angle, friction, model).stands == (side < 0)
     assert solve_case(block, contacts, case_at(block, angle, 0.0), friction).result.stands == (side < 0)
@@ -47,7 +47,7 @@ def test_a_block_slides_down_a_slope_from_atan_mu(friction, side, kind):
 def test_a_stack_tips_over_at_atan_width_over_height(blocks):
     assembly = stack(blocks)
     contacts = find_contacts(assembly).contacts
-    found = physical_tilt(tilt_scene(assembly, facets(assembly, contacts), 2.0), contacts, 0.0)
+    found = physical_tilt(tilt_scene(assembly, facets(contacts), 2.0), contacts, 0.0)
     assert found.critical_rad == pytest.approx(np.arctan(1 / blocks), abs=np.deg2rad(0.5))
     assert not found.failed
 
@@ -67,7 +67,7 @@ def test_shifted_cubes_stand_up_to_their_overhang_limit(share, stands):
     assembly = stack(10, share * WIDTH)
     contacts = find_contacts(assembly).contacts
     assert solve_case(assembly, contacts, case_at(assembly, 0.0, 0.0), 0.5).result.stands == stands
-    found = let_go(assembly, 0.0, 0.5, facets(assembly, contacts))
+    found = let_go(assembly, 0.0, 0.5, facets(contacts))
     assert found.stands == stands
     assert bool(found.moved) == (not stands)
 
@@ -76,7 +76,7 @@ def test_shifted_cubes_stand_up_to_their_overhang_limit(share, stands):
 @pytest.mark.parametrize("azimuth", [0.0, np.pi])
 def test_curved_joints_let_go_where_statics_says(height, lean, azimuth):
     assembly, contacts = jointed(stack(3), height, lean)
-    for model in (pieces(assembly, contacts), facets(assembly, contacts)):
+    for model in (pieces(assembly, contacts), facets(contacts)):
         found = physical_tilt(tilt_scene(assembly, model), contacts, azimuth)
         assert found.statics_rad == critical_tilt(assembly, contacts, azimuth)
         assert abs(found.difference_rad) < np.deg2rad(0.5)
@@ -85,7 +85,7 @@ def test_curved_joints_let_go_where_statics_says(height, lean, azimuth):
 
 def test_solids_tip_over_where_statics_says():
     assembly, contacts = box_stack_3d(3)
-    compiled = tilt_scene(assembly, facets(assembly, contacts), 2.0)
+    compiled = tilt_scene(assembly, facets(contacts), 2.0)
     for azimuth in (0.0, np.pi / 4, np.pi):
         found = physical_tilt(compiled, contacts, azimuth)
         assert abs(found.difference_rad) < np.deg2rad(1.0)
@@ -96,7 +96,7 @@ def test_solids_tip_over_where_statics_says():
 def test_a_solid_slides_from_atan_mu(side):
     assembly, contacts = box_stack_3d(1)
     angle = np.arctan(0.3) + side * np.deg2rad(0.5)
-    assert let_go(assembly, angle, 0.3, facets(assembly, contacts)).stands == (side < 0)
+    assert let_go(assembly, angle, 0.3, facets(contacts)).stands == (side < 0)
 
 
 def test_every_state_agrees_with_statics_also_where_it_falls():
@@ -181,7 +181,7 @@ def test_creep_of_friction_is_no_fall_where_statics_holds():
     assembly = random_assembly("arch", 7)
     contacts = find_contacts(assembly).contacts
     critical = critical_tilt(assembly, contacts, 0.0, 0.6)
-    scene = tilt_scene(assembly, facets(assembly, contacts, friction=0.6), 0.6)
+    scene = tilt_scene(assembly, facets(contacts, friction=0.6), 0.6)
     limits = Limits(finer=(3.0,), finest=30.0)
 
     def verdict(off_deg, doubted):
@@ -198,7 +198,7 @@ def test_wedged_parts_hold_up_to_where_statics_says():
     """A keystone between leaning faces: contacts that chatter while they slide let it creep out, degrees too early."""
     assembly = random_assembly("arch", 3)
     contacts = find_contacts(assembly).contacts
-    scene = tilt_scene(assembly, facets(assembly, contacts, friction=0.6), 0.6)
+    scene = tilt_scene(assembly, facets(contacts, friction=0.6), 0.6)
     gravity = tilted_gravity(assembly.gravity, critical_tilt(assembly, contacts, 0.0, 0.6) - np.deg2rad(0.5))
     tilted = with_gravity(scene, gravity)
     assert at_once(tilted).verdict is Verdict.FELL, "one run decides already: nothing is shown here"
@@ -228,7 +228,7 @@ def test_sliding_contacts_do_not_hop(side):
     blocks = [Part(f"b{k}", rectangle(0.001 * k, k * WIDTH / 2, WIDTH, WIDTH / 2)) for k in range(4)]
     assembly = Assembly("flat blocks", (floor, *blocks))
     angle = np.arctan(0.3) + side * np.deg2rad(0.5)
-    found = let_go(assembly, angle, 0.3, facets(assembly, find_contacts(assembly).contacts))
+    found = let_go(assembly, angle, 0.3, facets(find_contacts(assembly).contacts))
     assert found.stands == (side < 0), found.reason
     assert found.stands == (found.max_share < 1e-3)
 
