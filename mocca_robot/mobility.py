@@ -12,7 +12,9 @@ from scipy.optimize import linprog
 from mocca_robot.assembly import Array, Assembly, BoolArray
 from mocca_robot.contacts import Contact
 from mocca_robot.errors import MoccaError
-from mocca_robot.joints.joint import contact_rays
+from mocca_robot.joints.joint import MANY, contact_rays, spanning_rays
+from mocca_robot.statics.interior_point import solve_interior_point
+from mocca_robot.statics.solvers import SolverFailed
 from mocca_robot.statics.system import ContactSystem
 from mocca_robot.verify import moving_parts
 
@@ -21,6 +23,9 @@ OPENING = 1e-6
 files turn by 1e-12."""
 SLIDING = 1e-7
 """Smallest singular value, relative to the largest, of contacts that leave no common sliding motion."""
+
+PULLS, CLEARLY = 4, 1e-3
+"""Pulls at a large structure, and the share of a pull from which the motion that answers it is one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,15 +62,19 @@ def mobility(assembly: Assembly, contacts: Sequence[Contact], held: BoolArray | 
     motions = np.zeros((n, dof))
     if fixed.all():
         return Mobility(motions, (), False)
+    spanning = spanning_rays(tuple(contacts))
     pairs, points, normals = contact_rays(contacts)
+    pairs, points, normals = pairs[spanning], points[spanning], normals[spanning]
     about = np.array([p.centroid for p in assembly.parts])
     length = assembly.size / 2
     system = ContactSystem.build(pairs, points, normals, ~fixed, about, length)
     b = system.matrix
-    relevant = np.flatnonzero(np.asarray(abs(b).sum(axis=1)) > 0)
-    v, opens = _opening(b[relevant])
+    b = b[np.flatnonzero(np.asarray(abs(b).sum(axis=1)) > 0)]
+    v, opens = _pulled(system, b) if len(pairs) >= MANY else (np.zeros(b.shape[1]), False)
     if not opens:
-        v = _sliding(b[relevant])
+        v, opens = _opening(b)
+    if not opens:
+        v = _sliding(b)
     if np.abs(v).max(initial=0.0) == 0.0:
         return Mobility(motions, (), False)
     moved = v.reshape(-1, dof).copy()
@@ -87,6 +96,24 @@ def leaving_parts(assembly: Assembly, contacts: Sequence[Contact]) -> tuple[str,
         if not part.fixed and (not mine or not mobility(assembly, mine, others).locked):
             names.append(part.name)
     return tuple(names)
+
+
+def _pulled(system: ContactSystem, b: sp.csr_array) -> tuple[Array, bool]:
+    """Return a motion that opens contacts and whether one was found, by pulling at all parts at random.
+
+    Static equilibrium answers a pull with the nearest motion that no contact stops. What is found moves; where
+    nothing is found, the linear program decides: for large structures it takes minutes.
+    """
+    pulls = np.random.default_rng(0).normal(size=(PULLS, b.shape[1]))
+    try:
+        motions, _ = solve_interior_point(system, pulls, np.zeros(len(system.pairs)))
+    except SolverFailed:
+        return np.zeros(b.shape[1]), False
+    sizes = np.linalg.norm(motions, axis=1, keepdims=True)
+    clear = sizes[:, 0] > CLEARLY * np.linalg.norm(pulls, axis=1)
+    v = (motions[clear] / sizes[clear]).sum(axis=0)
+    opening = b @ v
+    return v, bool(opening.max(initial=0.0) > CLEARLY and opening.min(initial=0.0) > -OPENING)
 
 
 def _opening(b: sp.csr_array) -> tuple[Array, bool]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -13,12 +13,15 @@ import shapely
 from mocca_robot.assembly import Array, Assembly, Goal, Mesh, Polygon
 from mocca_robot.contacts import Contact, find_contacts, to_shapely
 from mocca_robot.executors import mapped
-from mocca_robot.joints.joint import Joint, contact_rays, planar
+from mocca_robot.joints.joint import Joint, contact_rays, planar, spanning_rays
 from mocca_robot.loads import LoadCase, case_wrenches, load_cases, tilted_gravity
 from mocca_robot.parts_graph import PartMotion, part_motions
 from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium
 from mocca_robot.statics.tilt import critical_angle
 from mocca_robot.sweep2d import free_half_angle_2d, sweep_blockers_2d
+
+AWAY_DEG, OTHER_WAYS = (2.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 30.0), 24
+"""How far from the middle of a part's cone other ways in are looked for, and how many are tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +36,13 @@ class CaseVerdict:
 def solve_case(assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, friction: float = 0.0) -> CaseVerdict:
     """Return the equilibrium of one load case from the facets of `contacts`, with the parts that move.
 
-    Contact forces come back one per corner of every contact, zero where a part is absent.
+    Contact forces come back one per corner of every contact, zero where a part is absent, or, without friction, where
+    other corners can exert the same forces.
     """
     pairs, points, normals = contact_rays(contacts)
     there = case.present[pairs].all(axis=1)
+    if friction == 0.0:
+        there &= spanning_rays(tuple(contacts))
     wrenches = case_wrenches(case, assembly, contacts)
     result = equilibrium(
         pairs[there],
@@ -198,8 +204,14 @@ def insertion_verdicts(
         axis = motion.axis
         if name in directions and len(motion.normals):
             axis = -directions[name]
-            alpha = float(np.arcsin(np.clip((motion.normals @ axis).min(), -1.0, 1.0)))
+            alpha = _half_angle(motion, axis)
         hit = sweep_blockers(assembly, part, insertion_rim(axis, assembly.alpha_rad or 0.0)) if alpha > -1e-9 else ()
+        if hit and name not in directions:
+            # Others than those it touches bar the middle of its cone: another way may be free and wide enough.
+            for way in _other_ways(motion, assembly.alpha_rad or 0.0):
+                if not sweep_blockers(assembly, part, insertion_rim(way, assembly.alpha_rad or 0.0)):
+                    axis, alpha, hit = way, _half_angle(motion, way), ()
+                    break
         if assembly.dimension == 2 and alpha > 0.0 and not hit:
             alpha = min(alpha, free_half_angle_2d(assembly, part, axis))
         narrow = alpha < (assembly.alpha_rad or 0.0) - 1e-9
@@ -208,6 +220,25 @@ def insertion_verdicts(
         ordered = tuple(n for n in assembly.sequence if n in blockers)
         verdicts.append(InsertionVerdict(name, alpha, assembly.alpha_rad, ordered, bool(hit)))
     return tuple(verdicts)
+
+
+def _half_angle(motion: PartMotion, way_out: Array) -> float:
+    """Return the half-angle of the widest cone about a way out that the part's own contacts leave."""
+    return float(np.arcsin(np.clip((motion.normals @ way_out).min(), -1.0, 1.0)))
+
+
+def _other_ways(motion: PartMotion, least_rad: float) -> Iterator[Array]:
+    """Yield unit ways out that its own contacts leave free by `least_rad`, each as far as can be from those before."""
+    if not len(motion.normals):
+        return
+    rings = [insertion_rim(motion.axis, float(np.deg2rad(off)), 36)[1:] for off in AWAY_DEG]
+    ways = np.concatenate(rings)
+    ways = ways[(ways @ motion.normals.T).min(axis=1) >= np.sin(least_rad) - 1e-9]
+    apart = np.linalg.norm(ways - motion.axis, axis=1)
+    for _ in range(min(OTHER_WAYS, len(ways))):
+        way = ways[apart.argmax()]
+        yield way
+        apart = np.minimum(apart, np.linalg.norm(ways - way, axis=1))
 
 
 def insertion_rim(axis: Array, alpha_rad: float, count: int = 8) -> Array:

@@ -281,7 +281,7 @@ def _add_joints(
         model = _deep(assembly, facets([c for c in met if moving not in c.parts]))
         _pair_skins(spec, place, moving, built, settings)
     else:
-        model = solid_pieces(assembly, met, moving)
+        model = solid_pieces(met, moving, others=facets([c for c in met if c.parts[1] < moving]))
     names = [_add_geom(spec, assembly, bodies[g.part], k, g, settings) for k, g in enumerate(model.geoms)]
     for a, b in model.pairs or ():
         _pair(spec, place, settings, names[a], names[b])

@@ -19,7 +19,7 @@ import numpy as np
 
 from mocca_robot.assembly import Array, Assembly, BoolArray
 from mocca_robot.contacts import Contact
-from sim.contact_model import ContactModel, pieces
+from sim.contact_model import ContactModel, facets, pieces
 from sim.directions import Direction, InsertionCone
 from sim.flat_pieces import flat_pieces
 from sim.hand import HAND, STEADY, HandOptions, HandPath, PlacingError, grip_offset
@@ -92,7 +92,7 @@ def insertion_scene(
     contacts: Sequence[Contact],
     cone: InsertionCone,
     *,
-    flat: ContactModel | None = None,
+    resting: ContactModel | None = None,
     clearance: float = 0.0,
     below: str = "held",
     friction: float = 0.0,
@@ -100,11 +100,10 @@ def insertion_scene(
 ) -> InsertionScene:
     """Return the scene in which part `cone.part` goes in on top of all earlier ones.
 
-    `flat` are the convex pieces of a flat assembly with their contacts, when they are at hand. `below` is 'held' or
-    'free'.
+    `resting` is `resting_model` of the assembly, when it is at hand. `below` is 'held' or 'free'.
     """
     index = cone.part
-    model = insertion_model(assembly, contacts, index, clearance, flat)
+    model = insertion_model(assembly, contacts, index, clearance, below, resting)
     polygons = [c.polygon for c in contacts if c.parts[1] == index]
     present = np.arange(len(assembly.parts)) <= index
     held = np.arange(len(assembly.parts)) < index if below == "held" else assembly.fixed
@@ -284,10 +283,24 @@ def _nearby(assembly: Assembly, part: int, present: BoolArray) -> BoolArray:
     return np.asarray(present & near)
 
 
+def resting_model(assembly: Assembly, contacts: Sequence[Contact]) -> ContactModel:
+    """Return what the parts carry each other by, of which the scenes of all insertions are made."""
+    return pieces(assembly, contacts) if assembly.dimension == 2 else facets(contacts)
+
+
 def insertion_model(
-    assembly: Assembly, contacts: Sequence[Contact], part: int, clearance: float, flat: ContactModel | None = None
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    part: int,
+    clearance: float,
+    below: str = "held",
+    resting: ContactModel | None = None,
 ) -> ContactModel:
-    """Return the contact model that stays true while `part`, smaller by `clearance`, travels."""
-    if assembly.dimension == 3:
-        return solid_pieces(assembly, contacts, part, clearance)
-    return flat_pieces(assembly, pieces(assembly, contacts) if flat is None else flat, part, clearance)
+    """Return the contact model that stays true while `part`, smaller by `clearance`, travels; see `insertion_scene`."""
+    if assembly.dimension == 2:
+        return flat_pieces(assembly, resting_model(assembly, contacts) if resting is None else resting, part, clearance)
+    if below == "held":
+        return solid_pieces(contacts, part, clearance)
+    earlier = np.arange(len(assembly.parts)) < part
+    resting = resting_model(assembly, [c for c in contacts if c.parts[1] < part]) if resting is None else resting
+    return solid_pieces(contacts, part, clearance, resting.only(earlier))

@@ -132,7 +132,7 @@ def robust_trial(
     if not found.stands:
         return {**row, "failure": f"structure {found.verdict}: {found.reason}", "kind": f"structure {found.verdict}"}
     if options.insert:
-        flat = pieces(drawn, contacts) if drawn.dimension == 2 else None
+        resting = pieces(drawn, contacts) if drawn.dimension == 2 else None
         for index, part in enumerate(drawn.parts):
             if part.fixed:
                 continue
@@ -141,7 +141,7 @@ def robust_trial(
                 tuple(options.shift * rng.standard_normal(drawn.dimension - 1)),
                 float(options.turn * rng.standard_normal()),
             )
-            ready = insertion_scene(drawn, contacts, cone, flat=flat, clearance=clearance, friction=friction)
+            ready = insertion_scene(drawn, contacts, cone, resting=resting, clearance=clearance, friction=friction)
             trial = insert(ready, Direction("axis", cone.axis), error=error, hand=HandOptions())
             if not trial.succeeded:
                 return {**row, "failure": f"{part.name}: {trial.reason}", "kind": f"insertion of {part.name}"}

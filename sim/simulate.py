@@ -17,11 +17,11 @@ from mocca_robot.content_hash import assembly_hash
 from mocca_robot.loads import LoadCase, state_cases
 from mocca_robot.statics import Status
 from mocca_robot.verify import solve_case
-from sim.contact_model import ContactModel, PairRays, contact_model, facet_pairs, pieces, telling_rays
+from sim.contact_model import ContactModel, PairRays, contact_model, facet_pairs, telling_rays
 from sim.contact_rays import holding
 from sim.directions import Direction, InsertionCone, directions, insertion_cone
 from sim.hand import PlacingError
-from sim.insertion import InsertionTrial, insert, insertion_scene
+from sim.insertion import InsertionTrial, insert, insertion_scene, resting_model
 from sim.questions import TILT_FRICTIONS, Questions
 from sim.robust import robust_report, robust_trials
 from sim.scene import Compiled
@@ -147,7 +147,7 @@ class _Work:
         return self._finished(replace(so_far, tilt=tuple(_restored(TiltReport, r) for r in rows)), complete)
 
     def insertion(self, so_far: Simulation) -> Simulation:
-        flat = pieces(self.assembly, self.contacts) if self.assembly.dimension == 2 else None
+        resting = resting_model(self.assembly, self.contacts)
         trials: list[Trial] = []
         cones: list[ConeSummary] = []
         notes: list[str] = []
@@ -167,7 +167,7 @@ class _Work:
                 notes.append(f"'{part.name}' is inserted with the earlier parts held: without support they fall")
             trials += [
                 Trial(f"insert {part.name}", ("insert", *self.identity, *what), find_out)
-                for what, find_out in self._insertion_groups(flat, cone, standing[index])
+                for what, find_out in self._insertion_groups(resting, cone, standing[index])
             ]
         many = self.processes is not None and len(trials) * self.ask.directions >= MANY_INSERTIONS
         rows, complete = self._rows(trials, self.processes if many else self.executor)
@@ -181,7 +181,7 @@ class _Work:
         return self._finished(replace(so_far, robust=robust_report(rows, self.ask.robust)), complete)
 
     def _insertion_groups(
-        self, flat: ContactModel | None, cone: InsertionCone, below_stands: bool
+        self, resting: ContactModel, cone: InsertionCone, below_stands: bool
     ) -> list[tuple[tuple[Any, ...], Callable[[], Row]]]:
         """Return (content, function) per compiled scene: one scene serves many directions and errors."""
         groups: list[tuple[tuple[Any, ...], Callable[[], Row]]] = []
@@ -195,8 +195,9 @@ class _Work:
             runs.append((0.0, "free", telling, ()))
         for clearance, below, tried, errors in runs:
             content = (cone.part, [w.vector for w in tried], clearance, below, errors, self.ask.hand, self.ask.friction)
+            needed = resting if below == "free" or self.assembly.dimension == 2 else None
             find_out = partial(
-                _inserted, self.assembly, self.contacts, self.ask, flat, cone, clearance, below, tried, errors
+                _inserted, self.assembly, self.contacts, self.ask, needed, cone, clearance, below, tried, errors
             )
             groups.append((content, find_out))
         return groups
@@ -256,7 +257,7 @@ def _inserted(
     assembly: Assembly,
     contacts: Sequence[Contact],
     ask: Questions,
-    flat: ContactModel | None,
+    resting: ContactModel | None,
     cone: InsertionCone,
     clearance: float,
     below: str,
@@ -267,7 +268,7 @@ def _inserted(
         assembly,
         contacts,
         cone,
-        flat=flat,
+        resting=resting,
         clearance=clearance,
         below=below,
         friction=ask.friction,

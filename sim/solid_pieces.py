@@ -13,9 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from mocca_robot.assembly import Array, Assembly, Polygon
+from mocca_robot.assembly import Array, Polygon
 from mocca_robot.contacts import Contact
-from sim.contact_model import ContactModel, Geom, facets, geom
+from sim.contact_model import ContactModel, Geom, geom
 from sim.convex_pieces import convex_pieces
 
 RADIUS = 0.02
@@ -24,13 +24,17 @@ DEPTH = 0.3
 """Of the prisms, relative to the same: beneath a sharp ridge deeper ones would come out on the other side."""
 
 
-def solid_pieces(assembly: Assembly, contacts: Sequence[Contact], part: int, clearance: float = 0.0) -> ContactModel:
+NO_SHAPES = ContactModel((), ())
+
+
+def solid_pieces(
+    contacts: Sequence[Contact], part: int, clearance: float = 0.0, others: ContactModel = NO_SHAPES
+) -> ContactModel:
     """Return the model for driving `part`, made smaller by `clearance` (m): its points against earlier faces.
 
-    The earlier parts carry each other by facet pairs, for when they are left free.
+    `others` is what the earlier parts carry each other by, for when they are left free.
     """
     mine = merged([piece for c in contacts if c.parts[1] == part for piece in convex_contacts(c)])
-    others = facets([c for c in contacts if c.parts[1] < part])
     if not mine:
         return others
     corners = np.concatenate([c.polygon for c in mine])

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from mocca_robot.assembly import Array, IntArray, read_only
+from mocca_robot.assembly import Array, BoolArray, IntArray, read_only
 from mocca_robot.contacts import Contact
-from mocca_robot.motion_cone import MotionCone, generalized_normals
+from mocca_robot.motion_cone import MotionCone, extreme_rays, generalized_normals
+
+MANY, CROWDED = 5_000, 60
+"""Rays in all, and on average per pair of parts, from which on finding the extreme ones pays for itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,3 +89,24 @@ def contact_rays(contacts: Sequence[Contact]) -> tuple[IntArray, Array, Array]:
     pairs = np.repeat(np.array([c.parts for c in contacts], dtype=np.int64), corners, axis=0)
     normals = np.repeat(np.array([c.normal for c in contacts]), corners, axis=0)
     return pairs, np.concatenate([c.polygon for c in contacts]), normals
+
+
+@lru_cache(maxsize=4)
+def spanning_rays(contacts: tuple[Contact, ...]) -> BoolArray:
+    """Return (C,) which of `contact_rays` suffice for the forces without friction between every pair of parts.
+
+    All of them where they are few: finding the extreme ones has to pay for itself.
+    """
+    pairs, points, normals = contact_rays(contacts)
+    spanning = np.ones(len(pairs), dtype=np.bool_)
+    _, pair_of, corners = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
+    if len(pairs) >= MANY and len(pairs) >= CROWDED * len(corners):
+        order = np.argsort(pair_of.ravel(), kind="stable")
+        for mine in np.split(order, np.cumsum(corners)[:-1]):
+            here = points[mine]
+            reach = 0.5 * float(np.linalg.norm(np.ptp(here, axis=0)))
+            spanning[mine] = False
+            wrenches = generalized_normals(here, normals[mine], here.mean(axis=0), reach)
+            spanning[mine[extreme_rays(wrenches, tolerance=1e-6)]] = True
+    spanning.setflags(write=False)
+    return spanning

@@ -34,6 +34,10 @@ def triangulated(contact: Contact) -> tuple[Array, IntArray]:
     The vertices are the corners of the polygon, then of the holes; every boundary edge is an edge of one
     triangle. Triangles are oriented like the contact: their normals equal `contact.normal`.
     """
+    if len(contact.polygon) == 3 and not contact.holes:
+        a, b, c = contact.polygon
+        along = float(np.linalg.det(np.array([b - a, c - a, contact.normal]))) > 0.0
+        return contact.polygon, np.array([[0, 1, 2]] if along else [[0, 2, 1]])
     vertices, loops = contact_loops(contact)
     return vertices, triangulate_loops(vertices @ plane_axes(contact.normal).T, loops)
 
