@@ -40,8 +40,6 @@ NAMES = (
     "leaning_tower_20", "leaning_tower_30", "leaning_tower_support_free", "deer", "igloo",
 )  # fmt: skip
 COMPARED = ("scarecrow", "sphere")
-LARGE = ("pavilion", "lilium_tower", "igloo")
-"""Of these, MuJoCo is asked about the finished structure only: all states, tilts and insertions take hours."""
 HEAVIEST_PAGE = 800_000
 """Reports larger than this many bytes are left out of the documentation."""
 APART = 0.6
@@ -61,25 +59,11 @@ def run(name: str, keep: bool) -> None:
     """Design, simulate and compare one configuration; results go to out/gallery/NAME."""
     folder = RUNS / name
     if not (keep and (folder / "said.json").is_file()):
-        said = command("design" if name in LARGE else "run", f"configs/{name}.yaml", "-o", str(folder))
+        said = command("run", f"configs/{name}.yaml", "-o", str(folder))
         (folder / "said.json").write_text(json.dumps(said), encoding="utf-8")
-    if name in LARGE and not (keep and (folder / "finished.json").is_file()):
-        (folder / "finished.json").write_text(json.dumps(finished(read_design(folder))), encoding="utf-8")
     if name in COMPARED and not (keep and (folder / "compared.json").is_file()):
         said = command("compare", f"configs/{name}.yaml", "-o", str(folder))
         (folder / "compared.json").write_text(json.dumps(said), encoding="utf-8")
-
-
-def finished(stored: StoredDesign) -> dict[str, Any]:
-    """Return MuJoCo's verdict on the finished structure, let go once."""
-    import mujoco
-
-    from sim.contact_model import contact_model
-    from sim.stability import free_scene, stability
-
-    contacts = find_contacts(stored.assembly).contacts
-    found = stability(free_scene(stored.assembly, contact_model(stored.assembly, contacts)))
-    return {"engine": f"mujoco {mujoco.__version__}", "verdict": found.verdict.value, "reason": found.reason}
 
 
 def figures(name: str) -> dict[str, Any]:
@@ -107,10 +91,7 @@ def figures(name: str) -> dict[str, Any]:
         "tilt_deg": {"before": weakest(source), "after": weakest(assembly)},
         "report": (folder / "report.html").stat().st_size <= HEAVIEST_PAGE,
     }
-    if name in LARGE:
-        found["finished"] = json.loads((folder / "finished.json").read_text(encoding="utf-8"))
-    else:
-        found["physics"] = physics(json.loads((folder / "simulation.json").read_text(encoding="utf-8")))
+    found["physics"] = physics(json.loads((folder / "simulation.json").read_text(encoding="utf-8")))
     if name in COMPARED:
         told = json.loads((folder / "compared.json").read_text(encoding="utf-8"))
         keys = ("name", "physics_stands", "tilt_deg", "goes_in", "deadlocked")

@@ -133,12 +133,12 @@ def page(f: dict[str, Any]) -> str:
     if f["report"]:
         lines += [f"[Open the report]({name}/report.html){{ .md-button }}", ""]
     else:
-        lines += ["The report of this one is too large for these pages; `mocca-robot design` writes it.", ""]
+        lines += ["The report of this one is too large for these pages; `mocca-robot run` writes it.", ""]
     if "compared" in f:
         lines += ["## Other joints", "", "The same parts, joined in other ways:", "", *compared(f)]
         lines += [f"[Open the comparison]({name}/comparison.html){{ .md-button }}", ""]
     lines += ["## Make it", "", "<!-- not run: takes minutes; `make gallery` runs it -->", "```sh"]
-    lines += [f"mocca-robot {'design' if 'finished' in f else 'run'} configs/{name}.yaml"]
+    lines += [f"mocca-robot run configs/{name}.yaml"]
     lines += [f"mocca-robot compare configs/{name}.yaml"] if "compared" in f else []
     return "\n".join([*lines, "```", ""])
 
@@ -167,9 +167,6 @@ def table(f: dict[str, Any], article: float) -> list[str]:
                 f"insertions inside the cones succeed, {outside[0]} of {outside[1]} outside ({physics['engine']})",
             )
         )
-    elif f.get("finished"):
-        told = f["finished"]
-        rows.append(("MuJoCo", f"finished, let go: {told['verdict']}, {told['reason']} ({told['engine']})"))
     rows.append(("design", f"{seconds(f['seconds']['total'])}; the article's {minutes(article)} on 64 cores"))
     return ["| | |", "|---|---|", *(f"| {key} | {value} |" for key, value in rows)]
 

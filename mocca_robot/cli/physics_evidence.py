@@ -9,7 +9,7 @@ import numpy as np
 
 from mocca_robot.assembly import Assembly, SupportFree
 from mocca_robot.cli.evidence import Finding, quoted
-from mocca_robot.report.findings import NOT_MADE, because
+from mocca_robot.report.findings import because, is_unmade_friction
 from mocca_robot.tolerances import TILT_AGREEMENT_DEG
 
 
@@ -58,7 +58,7 @@ def _disagreements(assembly: Assembly, simulation: Mapping[str, Any]) -> list[st
         if tilt["runs_without_verdict_deg"]:
             count = len(tilt["runs_without_verdict_deg"])
             found.append(f"{count} of MuJoCo's runs gave no verdict at a {_tilt_words(assembly, tilt)}.")
-        elif _apart(assembly, tilt) and not _explained(tilt):
+        elif _apart(assembly, tilt) and not is_unmade_friction(tilt):
             found.append(_disagreement(assembly, tilt))
     return found
 
@@ -66,21 +66,16 @@ def _disagreements(assembly: Assembly, simulation: Mapping[str, Any]) -> list[st
 def explained(assembly: Assembly, simulation: Mapping[str, Any]) -> list[str]:
     """Return the tilts on which physics and statics disagree because friction does not build up, in words.
 
-    They are listed among the disagreements of simulation.json and of the report, and hold nothing against a design:
-    it counts on no friction, and experiments showed that the forces that statics found come about by clamping only.
+    They are listed among the disagreements of simulation.json and apart from them in the report, and hold nothing
+    against a design: it counts on no friction, and experiments showed that the forces that statics found come about by
+    clamping only.
     """
-    apart = [t for t in simulation.get("tilt", ()) if _apart(assembly, t) and _explained(t)]
+    apart = [t for t in simulation.get("tilt", ()) if _apart(assembly, t) and is_unmade_friction(t)]
     return [_disagreement(assembly, t) for t in apart]
 
 
 def _disagreement(assembly: Assembly, tilt: Mapping[str, Any]) -> str:
     return f"MuJoCo and statics disagree on the {_tilt_words(assembly, tilt)}{because(tilt)}."
-
-
-def _explained(tilt: Mapping[str, Any]) -> bool:
-    early = tilt["friction"] > 0.0 and tilt["critical_deg"] < tilt["statics_deg"]
-    shown = str(tilt.get("cause") or "").startswith(NOT_MADE)
-    return bool(early and shown and not tilt["runs_without_verdict_deg"])
 
 
 def _apart(assembly: Assembly, tilt: Mapping[str, Any]) -> bool:

@@ -75,7 +75,10 @@ def entries(data: ReportData, key: str) -> list[Mapping[str, Any]]:
 
 
 def disagreements(data: ReportData) -> tuple[str, ...]:
-    """Return every contradiction between statics, physics and the design's own claims, one sentence each."""
+    """Return every contradiction between statics, physics and the design's own claims, one sentence each.
+
+    Those of `unmade_friction` are none.
+    """
     found: list[str] = []
     simulated = {str(s.get("placed")): s for s in entries(data, "states")}
     for state in states(data):
@@ -84,12 +87,7 @@ def disagreements(data: ReportData) -> tuple[str, ...]:
             other = "stands" if state.physics else "falls"
             text = f"After placing '{state.part}' the assembly {says} by statics and {other} in MuJoCo"
             found.append(f"{text}{because(simulated.get(state.part, {}))}.")
-    limit = TILT_AGREEMENT_DEG[data.design.assembly.dimension]
-    for entry in entries(data, "tilt"):
-        measured, expected = entry.get("critical_deg"), _statics_tilt(data, entry)
-        if measured is None or expected is None or abs(measured - expected) <= limit:
-            continue
-        found.append(f"{_tilt_words(entry, measured, expected)}; more than {limit:g}° apart{because(entry)}.")
+    found += [_tilt_apart(data, e) for e in _tilts_apart(data) if not is_unmade_friction(e)]
     found += _insertions(data)
     verified = {c.case.name: c for c in data.after.cases}
     for case in data.design.load_cases:
@@ -98,6 +96,33 @@ def disagreements(data: ReportData) -> tuple[str, ...]:
             found.append(f"The design claims equilibrium for '{case.name}'; the built geometry does not hold it.")
     found += _told(data, found)
     return tuple(found)
+
+
+def unmade_friction(data: ReportData) -> tuple[str, ...]:
+    """Return the tilts that statics holds only with friction forces that a fall does not bring about, in words.
+
+    Coulomb's law allows those forces, nothing makes them: statics bounds such a tilt from above, MuJoCo says less, and
+    both are right.
+    """
+    return tuple(_tilt_apart(data, e) for e in _tilts_apart(data) if is_unmade_friction(e))
+
+
+def is_unmade_friction(entry: Mapping[str, Any]) -> bool:
+    """Return whether experiments have shown that of a tilt on which MuJoCo says less than statics."""
+    early = float(entry.get("critical_deg") or 0.0) < float(entry.get("statics_deg") or 0.0)
+    shown = bool(entry.get("friction")) and str(entry.get("cause") or "").startswith(NOT_MADE)
+    return early and shown and not entry.get("runs_without_verdict_deg")
+
+
+def _tilts_apart(data: ReportData) -> list[Mapping[str, Any]]:
+    limit = TILT_AGREEMENT_DEG[data.design.assembly.dimension]
+    known = [(e, e.get("critical_deg"), _statics_tilt(data, e)) for e in entries(data, "tilt")]
+    return [e for e, a, b in known if a is not None and b is not None and abs(a - b) > limit]
+
+
+def _tilt_apart(data: ReportData, entry: Mapping[str, Any]) -> str:
+    words = _tilt_words(entry, float(entry["critical_deg"]), _statics_tilt(data, entry) or 0.0)
+    return f"{words}; more than {TILT_AGREEMENT_DEG[data.design.assembly.dimension]:g}° apart{because(entry)}."
 
 
 def _insertions(data: ReportData) -> list[str]:
@@ -145,13 +170,18 @@ def _told(data: ReportData, found: list[str]) -> list[str]:
     told = [str(d) for d in (data.simulation or {}).get("disagreements") or []]
     states_known = any(f.startswith("After placing") for f in found)
     tilts_known = any(f.startswith("Critical tilt") for f in found)
+    tilts_known |= any(is_unmade_friction(e) for e in entries(data, "tilt"))
     known = (("state after", states_known), ("tilt towards", tilts_known))
     return [f"MuJoCo run: {d}" for d in told if not any(d.startswith(head) and have for head, have in known)]
 
 
 def tilt_gaps(data: ReportData) -> tuple[float, ...]:
-    """Return how far apart, in degrees, statics and MuJoCo may be at most for every critical tilt that both decide."""
-    known = [(e, e.get("critical_deg"), _statics_tilt(data, e)) for e in entries(data, "tilt")]
+    """Return how far apart, in degrees, statics and MuJoCo may be at most for every critical tilt that both decide.
+
+    Those of `unmade_friction` are left out.
+    """
+    compared = [e for e in entries(data, "tilt") if not is_unmade_friction(e)]
+    known = [(e, e.get("critical_deg"), _statics_tilt(data, e)) for e in compared]
     pairs = [(e, a, b) for e, a, b in known if a is not None and b is not None]
     return tuple(abs(a - b) + float(e.get("within_deg") or 0.0) for e, a, b in pairs)
 

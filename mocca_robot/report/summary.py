@@ -8,7 +8,7 @@ import numpy as np
 
 from mocca_robot.assembly import Goal, Interlocking, Lateral, SupportFree
 from mocca_robot.report.data import ReportData
-from mocca_robot.report.findings import disagreements, entries, smallest_tilt, states, tilt_gaps
+from mocca_robot.report.findings import disagreements, entries, smallest_tilt, states, tilt_gaps, unmade_friction
 from mocca_robot.report.markup import degrees, esc, listed, plural, significant
 from mocca_robot.verify import CaseVerdict, Verification
 
@@ -155,6 +155,8 @@ def _physics(data: ReportData) -> str:
         return card("bad", question, "Disagrees", f"{words}. See the list below.")
     if not said:
         return card("none", question, "Nothing compared", "The simulation holds no states, tilts or insertions.")
+    if bounded := unmade_friction(data):
+        words += f"; for {plural(len(bounded), 'tilt')} with friction statics is an upper bound only, see below"
     return card("ok", question, "Agrees", f"{words}.")
 
 
@@ -180,9 +182,15 @@ def _margin(data: ReportData) -> str:
 
 
 def _alarm(data: ReportData) -> str:
-    found = disagreements(data)
-    if not found:
-        return ""
-    items = "".join(f"<li>{esc(d)}</li>" for d in found)
-    head = f"{plural(len(found), 'disagreement')} between independent checks"
-    return f'<section class="alarm" id="disagreements" role="alert"><h2>{head}</h2><ul>{items}</ul></section>'
+    found, bounded = disagreements(data), unmade_friction(data)
+    out = ""
+    if found:
+        items = "".join(f"<li>{esc(d)}</li>" for d in found)
+        head = f"{plural(len(found), 'disagreement')} between independent checks"
+        out += f'<section class="alarm" id="disagreements" role="alert"><h2>{head}</h2><ul>{items}</ul></section>'
+    if bounded:
+        items = "".join(f"<li>{esc(d)}</li>" for d in bounded)
+        head = f"With friction, statics is an upper bound for {plural(len(bounded), 'tilt')}"
+        why = "It counts on friction forces that Coulomb's law allows and that nothing brings about: go by MuJoCo."
+        out += f'<section class="aside" id="upper-bounds"><h2>{head}</h2><p>{why}</p><ul>{items}</ul></section>'
+    return out
