@@ -38,8 +38,8 @@ result does not hold, or the time limit came first."""
 CONTACTS_TEXT = """Walls of boxes in running bond, whose contacts can be counted by hand, and domes. Rows that end in
 *contacts* are detection alone; the others add the verdict under gravity with friction 0.6. COMPAS gets at most 10
 neighbours per block and tolerances of 1 cm: narrower ones make it find fewer."""
-PHYSICS_TEXT = """MuJoCo releases Python's lock, so threads scale as far as there are cores. Rates are by the
-clock."""
+PHYSICS_TEXT = """MuJoCo releases Python's lock, so steps scale over threads as far as there are cores; every step of an
+insertion is looked at by Python, so insertions run in processes. Rates are by the clock."""
 GROWTH_TEXT = """*flat wall*: a leaning wall as high as wide, without α. *long wall*: solid bricks in five courses
 that lean by 10°, α 5°. *dome*: running bond, α 2°. *load cases*: a dome of 50 parts that has to stand tilted by 5°
 towards more and more sides. Each with the default reserve of 1°, contacts included; CPU seconds are of all threads

@@ -1,4 +1,4 @@
-"""MuJoCo: steps and insertion trials per second over the number of threads, and every configuration's insertions."""
+"""MuJoCo: steps per second over threads, insertion trials over processes, and every configuration's insertions."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pathlib import Path
 from benchmarks.measurement import Measurement, Outcome, measure
 from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import find_contacts
+from mocca_robot.executors import executor
 from mocca_robot.files.config import load
 from planners.cone_joints.designer import design
 from sim.questions import Questions
@@ -66,8 +67,9 @@ def insertions(quick: bool = False, only: str | None = None) -> Iterator[Measure
 
 
 def _insertions(assembly: Assembly, ways: dict[str, Array]) -> Outcome:
-    asked = Questions(stages=("insertion",), clearances=CLEARANCES, threads=1)
-    trials = simulate(assembly, ways, asked).insertion
+    asked = Questions(stages=("insertion",), clearances=CLEARANCES)
+    with executor() as processes:
+        trials = simulate(assembly, ways, asked, processes=processes).insertion
     inside = [t for t in trials if t.kind != "outside"]
     outside = [t for t in trials if t.kind == "outside"]
     failed = [t for t in inside if not t.succeeded]
@@ -101,9 +103,17 @@ def _steps(assembly: Assembly, threads: int) -> Outcome:
     return Outcome(f"{rate:.0f} steps/s, {threads} threads")
 
 
-def _trials(assembly: Assembly, ways: dict[str, Array], threads: int) -> Outcome:
-    asked = Questions(stages=("insertion",), directions=4, clearances=(0.0,), errors=(), threads=threads)
-    started = time.perf_counter()
-    found = simulate(assembly, ways, asked)
-    rate = len(found.insertion) / (time.perf_counter() - started)
-    return Outcome(f"{rate:.1f} trials/s, {threads} threads, {len(found.insertion)} trials")
+def _trials(assembly: Assembly, ways: dict[str, Array], jobs: int) -> Outcome:
+    asked = Questions(stages=("insertion",), clearances=(0.0,), errors=(), threads=jobs)
+    with executor(jobs) as processes:
+        list(processes.map(_awake, range(jobs)))
+        started = time.perf_counter()
+        found = simulate(assembly, ways, asked, processes=processes)
+        rate = len(found.insertion) / (time.perf_counter() - started)
+    return Outcome(f"{rate:.1f} trials/s, {jobs} processes, {len(found.insertion)} trials")
+
+
+def _awake(number: int) -> int:
+    """Return `number` once everything that a trial needs is imported; slow enough to need a process of its own."""
+    time.sleep(0.5)
+    return number
