@@ -11,6 +11,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -33,6 +34,8 @@ Item = TypeVar("Item")
 
 ATTEMPTS = 2
 """How often a task runs whose process dies under it, before it counts as the cause."""
+ORPHAN_WATCH_S = 1.0
+"""How often a process looks whether the one that started it is still there."""
 CONNECT_S = 10.0
 """Seconds to wait for a scheduler to answer."""
 
@@ -45,7 +48,8 @@ class LocalProcesses(Executor):
     """An executor over `jobs` processes of this machine, in which a process that dies costs only its own task.
 
     That task is tried once more in a fresh process and then ends with `WorkerLost`; a plain process pool would
-    break, with all its tasks. Processes start when they are first needed and do not hear Ctrl-C themselves.
+    break, with all its tasks. Processes start when they are first needed, do not hear Ctrl-C themselves, and end with the
+    process that they work for.
     """
 
     def __init__(self, jobs: int) -> None:
@@ -75,7 +79,7 @@ class LocalProcesses(Executor):
                 raise CancelledError
             pool: ProcessPoolExecutor | None = getattr(self._here, "pool", None)
             if pool is None:
-                pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _deaf_to_interrupts)
+                pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
                 self._here.pool = pool
                 self._pools.add(pool)
             try:
@@ -89,8 +93,16 @@ class LocalProcesses(Executor):
         )
 
 
-def _deaf_to_interrupts() -> None:
+def _begin() -> None:
+    """Leave Ctrl-C to the process that asked for this one, and end with it, however it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True, name="orphan watch").start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(ORPHAN_WATCH_S)
+    os._exit(1)
 
 
 def _end(pool: ProcessPoolExecutor) -> None:

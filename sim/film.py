@@ -31,6 +31,9 @@ INSTALL_OPENGL = (
     "card) or `libosmesa6` (OSMesa). All numbers are available without it."
 )
 
+OUT_OF_SIGHT = 0.7
+"""How far a part falls, relative to the assembly, until a film of it is over."""
+
 
 @dataclass(frozen=True)
 class FilmOptions:
@@ -125,15 +128,17 @@ def platform_motion(
 ) -> Motion:
     """Return the motion on a platform that tilts steadily up to `angle_rad`, as its rider sees it.
 
-    For the film: the critical angle read off a ramp is up to 2° too large (see `sim.tilt`).
+    It ends a second later, or when a part has fallen out of sight. For the film: the critical angle read off a ramp is
+    up to 2° too large (see `sim.tilt`).
     """
     gravity = compiled.scene.assembly.gravity
     tilting = with_gravity(compiled, gravity)
+    size = compiled.scene.assembly.size
 
     def turn(time: float, displacement: Array, speed: Array) -> bool:
         angle = min(angle_rad, rate_rad_s * time)
         tilting.model.opt.gravity[:] = embed(tilted_gravity(gravity, angle, azimuth_rad))
-        return False
+        return bool(displacement.max(initial=0.0) > OUT_OF_SIGHT * size)
 
     duration = angle_rad / rate_rad_s + 1.0
     # Turning gravity feeds energy in, so energy is not watched here.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,7 +60,7 @@ STEADY = PlacingError()
 
 
 class HandPath:
-    """The hand's motion: straight, from `travel` before the seat to the seat, at rest at both ends.
+    """The hand's motion: straight to the seat, in legs (metres before the seat, steps) at rest at both ends.
 
     Attributes:
         targets: (steps + 1, n) where the grip should be after each step, in joint coordinates.
@@ -67,7 +68,13 @@ class HandPath:
     """
 
     def __init__(
-        self, model: Any, compiled: Compiled, part: int, way: Array, travel: float, offset: Array, steps: int
+        self,
+        model: Any,
+        compiled: Compiled,
+        part: int,
+        way: Array,
+        legs: Sequence[tuple[float, int]],
+        offset: Array,
     ) -> None:
         row = int(np.flatnonzero(compiled.parts == part)[0])
         d = len(way)
@@ -75,8 +82,8 @@ class HandPath:
         self.qpos, self.dof = compiled.qpos[row, :wide], compiled.dof[row]
         self.body = int(model.body(compiled.scene.assembly.parts[part].name).id)
         self.way = np.concatenate([way, np.zeros(wide - d)])
-        self.steps = steps
-        self.targets = self._targets(travel, offset)
+        self.steps = sum(steps for _, steps in legs)
+        self.targets = self._targets(legs, offset)
         # What the servo needs ahead to follow exactly: damping × velocity and inertia × acceleration.
         gains, damping = model.actuator_gainprm[:, 0], -model.actuator_biasprm[:, 2]
         turning = float(np.trace(inertia(compiled.scene.assembly.parts[part]))) / 3.0
@@ -85,15 +92,17 @@ class HandPath:
         heave = np.concatenate([np.full(d, mass), np.full(wide - d, turning)]) / gains / step_s**2
         self.commands = self._commands(damping / gains / step_s, heave)
 
-    def _targets(self, travel: float, offset: Array) -> Array:
+    def _targets(self, legs: Sequence[tuple[float, int]], offset: Array) -> Array:
         """Return (steps + 1, n) where the grip should be: minimum jerk along the line, plus its error.
 
-        The error grows over the first fifth, so that no path starts in a neighbour.
+        The error grows over the first fifth of the first leg, so that no path starts in a neighbour.
         """
-        t = np.arange(self.steps + 1) / self.steps
-        left = 1.0 - t**3 * (10.0 - 15.0 * t + 6.0 * t * t)
-        e = np.minimum(1.0, 5.0 * t)
-        return read_only(-travel * np.outer(left, self.way) + np.outer(e * e * (3.0 - 2.0 * e), offset))
+        ahead = [np.array([legs[0][0]])]
+        for (start, steps), (end, _) in zip(legs, [*legs[1:], (0.0, 0)], strict=True):
+            t = np.arange(1, steps + 1) / steps
+            ahead.append(start + (end - start) * t**3 * (10.0 - 15.0 * t + 6.0 * t * t))
+        e = np.minimum(1.0, 5.0 * np.arange(self.steps + 1) / legs[0][1])
+        return read_only(-np.outer(np.concatenate(ahead), self.way) + np.outer(e * e * (3.0 - 2.0 * e), offset))
 
     def _commands(self, lag: Array, heave: Array) -> Array:
         """Return (steps + 1, n) the servos' settings for which a part that meets nothing is at its target after a step.

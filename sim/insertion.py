@@ -31,6 +31,8 @@ from sim.solid_pieces import solid_pieces
 
 GENTLE = 0.8
 """Share of the force allowed for meeting a neighbour that the speed of a part gripped off its place may use up."""
+NEAR = 2.0
+"""Errors of the grip, over the sine of the cone's half-angle: from there on to its seat a part may meet neighbours."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +132,55 @@ def insert(
     error: PlacingError = STEADY,
     hand: HandOptions = HAND,
 ) -> InsertionTrial:
-    """Return the trial of driving the part in along `direction`. Safe to call from several threads."""
+    """Return the trial of driving the part in along `direction`. Safe to call from several threads.
+
+    A part gripped off its place is slow where it meets its neighbours, so that it hits no harder than the hand pushes.
+    In a cone it meets those that it will touch only near its seat, and comes there faster; whatever then fails is
+    tried again, slow all the way.
+    """
+    assembly, part = ready.compiled.scene.assembly, ready.cone.part
+    far = float(reach(assembly)[part])
+    offset, effective = grip_offset(assembly, direction.vector, error, far)
+    travel = _travel(ready, direction.vector) + hand.lead * 2.0 * far
+    quick = (travel, max(1, hand.steps))
+    if effective == 0.0:
+        return _driven(ready, direction, (quick,), offset, effective, hand)
+    speed = _gentle_speed(ready, effective, hand)
+    near = NEAR * effective / max(np.sin(ready.cone.realised_rad), 1e-3)
+    if near < 0.5 * travel:
+        found = _driven(ready, direction, (quick, (near, _steps(ready, near, speed))), offset, effective, hand)
+        if found.succeeded:
+            return found
+    slow = (travel, max(hand.steps, _steps(ready, travel, speed)))
+    return _driven(ready, direction, (slow,), offset, effective, hand)
+
+
+def _gentle_speed(ready: InsertionScene, effective: float, hand: HandOptions) -> float:
+    """Return the speed (m/s) at which a part gripped off by `effective` metres may meet a neighbour.
+
+    A mass m on a spring k that meets a wall at speed v adds v √(k m) to the spring's force.
+    """
+    scene = ready.compiled.scene
+    assert scene.hand is not None
+    mass = scene.assembly.parts[ready.cone.part].mass
+    weight = mass * float(np.linalg.norm(scene.assembly.gravity))
+    spare = hand.weight_share * weight + hand.impact * scene.hand.stiffness * effective
+    return min(hand.touching_speed, GENTLE * spare / float(np.sqrt(scene.hand.stiffness * mass)))
+
+
+def _steps(ready: InsertionScene, distance: float, speed: float) -> int:
+    """Return the steps for a distance at no more than a speed: minimum jerk peaks at 15/8 of the mean speed."""
+    return max(1, int(1.875 * distance / speed / ready.compiled.model.opt.timestep))
+
+
+def _driven(
+    ready: InsertionScene,
+    direction: Direction,
+    legs: Sequence[tuple[float, int]],
+    offset: Array,
+    effective: float,
+    hand: HandOptions,
+) -> InsertionTrial:
     import mujoco
 
     compiled, cone = ready.compiled, ready.cone
@@ -140,20 +190,10 @@ def insert(
     size = 2.0 * far
     weight = assembly.parts[cone.part].mass * float(np.linalg.norm(assembly.gravity))
     assert scene.hand is not None
-    offset, effective = grip_offset(assembly, direction.vector, error, far)
     # With friction the hand also drags the part along what it rubs against, on both sides at most.
     beyond = 1.0 + hand.impact + 2.0 * scene.settings.friction
     allowed = hand.weight_share * weight + scene.hand.stiffness * effective * beyond
-    travel = _travel(ready, direction.vector) + hand.lead * size
-    steps = max(1, hand.steps)
-    if effective > 0.0:
-        # A mass m on a spring k that meets a wall at speed v adds v √(k m) to the spring's force.
-        mass = assembly.parts[cone.part].mass
-        spare = hand.weight_share * weight + hand.impact * scene.hand.stiffness * effective
-        gentle = GENTLE * spare / np.sqrt(scene.hand.stiffness * mass)
-        # Minimum jerk peaks at 15/8 of the mean speed.
-        steps = max(steps, int(1.875 * travel / min(hand.touching_speed, gentle) / model.opt.timestep))
-    path = HandPath(model, compiled, cone.part, direction.vector, travel, offset, steps)
+    path = HandPath(model, compiled, cone.part, direction.vector, legs, offset)
     data = mujoco.MjData(model)
     heard()
     path.place(data)

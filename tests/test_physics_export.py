@@ -13,7 +13,7 @@ from mocca_robot.errors import EnvironmentNeeded, InputError
 from mocca_robot.extrusion import surface
 from mocca_robot.loads import tilted_gravity
 from sim.contact_model import contact_model, facets
-from sim.film import FilmOptions, frames, platform_motion, png, write_film
+from sim.film import OUT_OF_SIGHT, FilmOptions, frames, platform_motion, png, write_film
 from sim.mjcf import export_mjcf, export_urdf
 from sim.motion import Motion, run
 from sim.scene import compile_scene
@@ -111,6 +111,14 @@ def test_a_steady_platform_carries_the_stack_until_it_lets_go():
     assert motion.failure is None
     far = motion.displacement.max(axis=1)
     assert far[motion.times < 0.3].max() < 1e-4 and far[-1] > 0.01
+
+
+def test_a_film_of_a_fall_ends_when_a_part_is_out_of_sight():
+    scene = scene_2d()
+    compiled = compile_scene(scene)
+    motion = platform_motion(compiled, 0.0, np.deg2rad(80.0), np.deg2rad(40.0))
+    gone = OUT_OF_SIGHT * scene.assembly.size
+    assert motion.times[-1] < 2.9 and motion.displacement[-1].max() > gone >= motion.displacement[-2].max()
 
 
 def test_png_files_hold_the_image():

@@ -290,3 +290,34 @@ def test_physics_is_the_same_on_an_executor_and_a_store_resumes_it() -> None:
     here = simulate(assembly, None, asked)
     assert len(store) > 0
     assert (there.states, there.tilt, there.insertion) == (here.states, here.tilt, here.insertion)
+
+
+def _runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except ProcessLookupError:
+        return False
+    except FileNotFoundError:  # no /proc here, or gone this moment
+        return Path("/proc").is_dir() is False
+
+
+@pytest.mark.skipif(os.name != "posix", reason="processes are adopted on POSIX only")
+def test_processes_end_with_the_one_they_work_for_even_when_it_is_killed(tmp_path: Path) -> None:
+    file = tmp_path / "killed.py"
+    file.write_text("""if __name__ == "__main__":
+    import os, time
+    from mocca_robot.executors import LocalProcesses
+    print(LocalProcesses(1).submit(os.getpid).result(), flush=True)
+    time.sleep(60)
+""")
+    with subprocess.Popen([sys.executable, str(file)], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        worker = int(parent.stdout.readline())
+        assert _runs(worker)
+        parent.kill()
+    for _ in range(200):
+        if not _runs(worker):
+            return
+        time.sleep(0.1)
+    pytest.fail(f"process {worker} outlived its parent by 20 s")
