@@ -48,8 +48,8 @@ class LocalProcesses(Executor):
     """An executor over `jobs` processes of this machine, in which a process that dies costs only its own task.
 
     That task is tried once more in a fresh process and then ends with `WorkerLost`; a plain process pool would
-    break, with all its tasks. Processes start when they are first needed, do not hear Ctrl-C themselves, and end with the
-    process that they work for.
+    break, with all its tasks. Processes start when they are first needed, do not hear Ctrl-C themselves, and end with
+    the process that they work for.
     """
 
     def __init__(self, jobs: int) -> None:
