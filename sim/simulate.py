@@ -124,25 +124,28 @@ class _Work:
 
     def tilt(self, so_far: Simulation) -> Simulation:
         frictions = sorted({*(self.ask.tilt_frictions or TILT_FRICTIONS), self.ask.friction})
-        rays = {mu: telling_rays(self.assembly, self.contacts, mu) for mu in frictions}
-        if self.ask.tilt_frictions is None:
-            left_out = [mu for mu in frictions if mu not in (0.0, self.ask.friction) and _too_many(rays[mu])]
-            frictions = [mu for mu in frictions if mu not in left_out]
-            so_far = replace(so_far, notes=(*so_far.notes, *map(_left_out, left_out)))
-        scenes = {
-            mu: tilt_scene(self.assembly, contact_model(self.assembly, self.contacts, mu), mu)
-            for mu in frictions
-            if not rays[mu]
+        touching: dict[float, ContactModel | Sequence[PairRays]] = {}
+        for mu in frictions:
+            rays = telling_rays(self.assembly, self.contacts, mu)
+            found = rays or contact_model(self.assembly, self.contacts, mu)
+            unasked = self.ask.tilt_frictions is None and mu not in (0.0, self.ask.friction)
+            if unasked and _contact_points(found) > LIMITS.finest_points:
+                so_far = replace(so_far, notes=(*so_far.notes, _left_out(mu)))
+            else:
+                touching[mu] = found
+        prepared = {
+            mu: tilt_scene(self.assembly, found, mu) if isinstance(found, ContactModel) else found
+            for mu, found in touching.items()
         }
         trials = [
             Trial(
                 f"tilt {np.rad2deg(a):.0f}°, friction {mu:g}",
                 ("tilt", *self.identity, float(a), mu),
-                partial(_detailed_tilt, self.assembly, self.contacts, chosen, float(a), mu)
-                if (chosen := rays[mu])
-                else partial(_tilt, scenes[mu], self.contacts, float(a)),
+                partial(_tilt, ready, self.contacts, float(a))
+                if isinstance(ready, Compiled)
+                else partial(_detailed_tilt, self.assembly, self.contacts, ready, float(a), mu),
             )
-            for mu in frictions
+            for mu, ready in prepared.items()
             for a in azimuths(self.assembly, self.ask.azimuths)
         ]
         rows, complete = self._rows(trials, self.executor)
@@ -285,8 +288,10 @@ def _inserted(
     return {"trials": [asdict(r) for r in results]}
 
 
-def _too_many(rays: Sequence[PairRays] | None) -> bool:
-    return rays is not None and sum(int(r.kept.sum()) for r in rays) > LIMITS.finest_points
+def _contact_points(touching: ContactModel | Sequence[PairRays]) -> int:
+    if isinstance(touching, ContactModel):
+        return len(touching.pairs or ())
+    return sum(int(r.kept.sum()) for r in touching)
 
 
 def _left_out(friction: float) -> str:
