@@ -108,9 +108,7 @@ class _Work:
         self.identity = (assembly_hash(assembly), _engine())
 
     def states(self, so_far: Simulation) -> Simulation:
-        touching = telling_rays(self.assembly, self.contacts, self.ask.friction) or contact_model(
-            self.assembly, self.contacts, self.ask.friction
-        )
+        touching = self._touching(self.ask.friction)
         trials = [
             Trial(
                 f"state {case.name.removeprefix('state_')}",
@@ -124,19 +122,14 @@ class _Work:
 
     def tilt(self, so_far: Simulation) -> Simulation:
         frictions = sorted({*(self.ask.tilt_frictions or TILT_FRICTIONS), self.ask.friction})
-        touching: dict[float, ContactModel | Sequence[PairRays]] = {}
+        prepared: dict[float, Compiled | Sequence[PairRays]] = {}
         for mu in frictions:
-            rays = telling_rays(self.assembly, self.contacts, mu)
-            found = rays or contact_model(self.assembly, self.contacts, mu)
+            found = self._touching(mu)
             unasked = self.ask.tilt_frictions is None and mu not in (0.0, self.ask.friction)
             if unasked and _contact_points(found) > LIMITS.finest_points:
                 so_far = replace(so_far, notes=(*so_far.notes, _left_out(mu)))
             else:
-                touching[mu] = found
-        prepared = {
-            mu: tilt_scene(self.assembly, found, mu) if isinstance(found, ContactModel) else found
-            for mu, found in touching.items()
-        }
+                prepared[mu] = tilt_scene(self.assembly, found, mu) if isinstance(found, ContactModel) else found
         trials = [
             Trial(
                 f"tilt {np.rad2deg(a):.0f}°, friction {mu:g}",
@@ -226,6 +219,11 @@ class _Work:
     def _statics_stands(self, case: Any) -> bool:
         result = solve_case(self.assembly, self.contacts, case, self.ask.friction).result
         return result.status is Status.EQUILIBRIUM
+
+    def _touching(self, friction: float) -> ContactModel | Sequence[PairRays]:
+        """Return the contact model of every load, or the contact points to choose it from load by load."""
+        rays = telling_rays(self.assembly, self.contacts, friction)
+        return contact_model(self.assembly, self.contacts, friction) if rays is None else rays
 
     def _rows(self, trials: Sequence[Trial], executor: Executor | None) -> tuple[list[Row], bool]:
         rows = run_trials(trials, self.store, self.ask.threads, self.progress, executor)
