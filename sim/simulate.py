@@ -184,6 +184,7 @@ class _Work:
         """Return (content, function) per compiled scene: one scene serves many directions and errors."""
         groups: list[tuple[tuple[Any, ...], Callable[[], Row]]] = []
         ways = directions(cone, self.ask.directions)
+        mine = [c for c in self.contacts if c.parts[1] == cone.part]  # all of a large structure's take long to send
         telling = tuple(w for w in ways if w.kind in ("axis", "rim"))
         # Negative controls only without clearance: with play, 3° outside may truly go in.
         runs: list[tuple[float, str, tuple[Direction, ...], tuple[PlacingError, ...]]]
@@ -196,9 +197,7 @@ class _Work:
         for clearance, below, tried, errors in runs:
             content = (cone.part, [w.vector for w in tried], clearance, below, errors, self.ask.hand, self.ask.friction)
             needed = resting if below == "free" or self.assembly.dimension == 2 else None
-            find_out = partial(
-                _inserted, self.assembly, self.contacts, self.ask, needed, cone, clearance, below, tried, errors
-            )
+            find_out = partial(_inserted, self.assembly, mine, self.ask, needed, cone, clearance, below, tried, errors)
             groups.append((content, find_out))
         return groups
 
