@@ -167,6 +167,9 @@ def table(f: dict[str, Any], article: float) -> list[str]:
                 f"insertions inside the cones succeed, {outside[0]} of {outside[1]} outside ({physics['engine']})",
             )
         )
+    elif f.get("finished"):  # kept from runs that asked physics about the finished structure only
+        told = f["finished"]
+        rows.append(("MuJoCo", f"finished, let go: {told['verdict']}, {told['reason']} ({told['engine']})"))
     rows.append(("design", f"{seconds(f['seconds']['total'])}; the article's {minutes(article)} on 64 cores"))
     return ["| | |", "|---|---|", *(f"| {key} | {value} |" for key, value in rows)]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, replace
-from functools import partial
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -31,7 +31,7 @@ from sim.states import StateResult, state_result
 from sim.tilt import TiltReport, azimuths, detailed_tilt, physical_tilt, tilt_scene
 from sim.trial_store import Row, Trial, TrialStore, run_trials
 
-METHOD = 10
+METHOD = 11
 """Raise it when verdicts are reached in another way: trials kept from before then run again."""
 MANY_INSERTIONS = 60
 """About how many insertions make up for starting processes: each step of theirs runs Python, which threads share."""
@@ -184,6 +184,8 @@ class _Work:
         """Return (content, function) per compiled scene: one scene serves many directions and errors."""
         groups: list[tuple[tuple[Any, ...], Callable[[], Row]]] = []
         ways = directions(cone, self.ask.directions)
+        before = self._state_before(cone.part)
+        carried = _Carried(self._rays, before) if below_stands and before is not None and self._rays else None
         mine = [c for c in self.contacts if c.parts[1] == cone.part]  # all of a large structure's take long to send
         telling = tuple(w for w in ways if w.kind in ("axis", "rim"))
         # Negative controls only without clearance: with play, 3° outside may truly go in.
@@ -196,7 +198,9 @@ class _Work:
             runs.append((0.0, "free", few if large else telling, ()))
         for clearance, below, tried, errors in runs:
             content = (cone.part, [w.vector for w in tried], clearance, below, errors, self.ask.hand, self.ask.friction)
-            needed = resting if below == "free" or self.assembly.dimension == 2 else None
+            needed: ContactModel | _Carried | None = None
+            if below == "free" or self.assembly.dimension == 2:
+                needed = carried or resting
             find_out = partial(_inserted, self.assembly, mine, self.ask, needed, cone, clearance, below, tried, errors)
             groups.append((content, find_out))
         return groups
@@ -218,6 +222,15 @@ class _Work:
     def _statics_stands(self, case: Any) -> bool:
         result = solve_case(self.assembly, self.contacts, case, self.ask.friction).result
         return result.status is Status.EQUILIBRIUM
+
+    @cached_property
+    def _rays(self) -> tuple[PairRays, ...] | None:
+        return telling_rays(self.assembly, self.contacts, self.ask.friction)
+
+    def _state_before(self, part: int) -> LoadCase | None:
+        """Return the load case of the state in which `part` is placed; None when only fixed parts are there."""
+        cases = [c for c in state_cases(self.assembly) if not c.present[part:].any()]
+        return cases[-1] if cases else None
 
     def _touching(self, friction: float) -> ContactModel | Sequence[PairRays]:
         """Return the contact model of every load, or the contact points to choose it from load by load."""
@@ -257,17 +270,28 @@ def _detailed_tilt(
     return asdict(detailed_tilt(assembly, contacts, rays, azimuth, friction))
 
 
+@dataclass(frozen=True, eq=False)
+class _Carried:
+    """Contact points of a large structure, to be chosen so that they hold its `state` before a part is placed."""
+
+    rays: tuple[PairRays, ...]
+    state: LoadCase
+
+
 def _inserted(
     assembly: Assembly,
     contacts: Sequence[Contact],
     ask: Questions,
-    resting: ContactModel | None,
+    resting: ContactModel | _Carried | None,
     cone: InsertionCone,
     clearance: float,
     below: str,
     tried: Sequence[Direction],
     errors: Sequence[PlacingError],
 ) -> Row:
+    if isinstance(resting, _Carried):
+        rays = holding(assembly, contacts, resting.rays, resting.state, ask.friction)
+        resting = facet_pairs(r.reduced for r in rays)
     ready = insertion_scene(
         assembly,
         contacts,
