@@ -68,7 +68,8 @@ class Simulation:
         return tuple(out)
 
     def _apart(self, tilt: TiltReport) -> bool:
-        return abs(tilt.difference_rad) > TILT_AGREEMENT_RAD[self.dimension]
+        # No more is known of the critical tilt than a bracket: only what lies outside the limit as a whole is apart.
+        return abs(tilt.difference_rad) - tilt.within_rad > TILT_AGREEMENT_RAD[self.dimension]
 
     @property
     def needs_support(self) -> tuple[str, ...]:

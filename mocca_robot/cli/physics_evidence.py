@@ -80,7 +80,8 @@ def _disagreement(assembly: Assembly, tilt: Mapping[str, Any]) -> str:
 
 def _apart(assembly: Assembly, tilt: Mapping[str, Any]) -> bool:
     apart = abs(float(tilt["critical_deg"]) - float(tilt["statics_deg"]))
-    return bool(apart > TILT_AGREEMENT_DEG[assembly.dimension])
+    # No more is known of MuJoCo's tilt than a bracket: only what lies outside the limit as a whole is apart.
+    return bool(apart - float(tilt.get("within_deg") or 0.0) > TILT_AGREEMENT_DEG[assembly.dimension])
 
 
 def _tilt_words(assembly: Assembly, tilt: Mapping[str, Any]) -> str:
