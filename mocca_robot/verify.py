@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array, Assembly, Goal, Mesh, Polygon
+from mocca_robot.assembly import Array, Assembly, Goal, IntArray, Mesh, Polygon
 from mocca_robot.contacts import Contact, find_contacts, to_shapely
 from mocca_robot.executors import mapped
 from mocca_robot.joints.joint import Joint, contact_rays, planar, spanning_rays
@@ -43,22 +43,34 @@ def solve_case(assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, 
     there = case.present[pairs].all(axis=1)
     if friction == 0.0:
         there &= spanning_rays(tuple(contacts))
-    wrenches = case_wrenches(case, assembly, contacts)
+    result = solve_rays(assembly, contacts, case, (pairs[there], points[there], normals[there]), friction)
+    forces = np.zeros((len(pairs), *result.forces.shape[1:]))
+    forces[there] = result.forces
+    full = EquilibriumResult(result.status, result.infeasibility, forces, result.motions, result.kkt)
+    return CaseVerdict(case, full, () if result.stands else moving_parts(assembly, result.motions))
+
+
+def solve_rays(
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    case: LoadCase,
+    rays: tuple[IntArray, Array, Array],
+    friction: float = 0.0,
+) -> EquilibriumResult:
+    """Return the equilibrium of one load case on `rays` alone: pairs (C, 2), points (C, d) and normals (C, d).
+
+    Motions are about the parts' centroids. `contacts` tell which pairs an interlocking case pushes apart.
+    """
     result = equilibrium(
-        pairs[there],
-        points[there],
-        normals[there],
-        wrenches,
+        *rays,
+        case_wrenches(case, assembly, contacts),
         fixed=~case.free,
         friction=friction,
         about=np.array([p.centroid for p in assembly.parts]),
         length=assembly.size / 2,
     )
     assert isinstance(result, EquilibriumResult)
-    forces = np.zeros((len(pairs), *result.forces.shape[1:]))
-    forces[there] = result.forces
-    full = EquilibriumResult(result.status, result.infeasibility, forces, result.motions, result.kkt)
-    return CaseVerdict(case, full, () if result.stands else moving_parts(assembly, result.motions))
+    return result
 
 
 def solve_cases_on(

@@ -16,9 +16,11 @@ import numpy as np
 
 from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray
 from mocca_robot.contacts import Contact
-from mocca_robot.loads import LoadCase, case_wrenches
+from mocca_robot.joints.joint import contact_rays
+from mocca_robot.loads import LoadCase
 from mocca_robot.motion_cone import extreme_rays, generalized_normals
-from mocca_robot.statics import EquilibriumResult, Status, equilibrium
+from mocca_robot.statics import Status
+from mocca_robot.verify import solve_rays
 
 COVERED = 0.06
 """Stop once every ray lies this close (radians, in the scaled wrench space) to a kept one."""
@@ -68,8 +70,7 @@ def pair_rays(contacts: Sequence[Contact], resolution: int, friction: float = 0.
     for contact in contacts:
         by_pair.setdefault(contact.parts, []).append(contact)
     for pair, mine in sorted(by_pair.items()):
-        points = np.concatenate([c.polygon for c in mine])
-        normals = np.concatenate([np.tile(c.normal, (len(c.polygon), 1)) for c in mine])
+        _, points, normals = contact_rays(mine)
         reach = float(np.linalg.norm(np.ptp(points, axis=0)))
         wrenches = generalized_normals(points, normals, points.mean(axis=0), 0.5 * reach)
         needed = extreme_rays(wrenches, tolerance=1e-6) if friction == 0.0 else _corners(wrenches, normals)
@@ -97,20 +98,9 @@ def holding(
     kept = np.concatenate([p.kept for p in pairs])
     there = case.present[parts].all(axis=1)
     about = np.array([p.centroid for p in assembly.parts])
-    wrenches = case_wrenches(case, assembly, contacts)
     for _ in range(MOST_ROUNDS):
         used = kept & there
-        found = equilibrium(
-            parts[used],
-            points[used],
-            normals[used],
-            wrenches,
-            fixed=~case.free,
-            friction=friction,
-            about=about,
-            length=assembly.size / 2,
-        )
-        assert isinstance(found, EquilibriumResult)
+        found = solve_rays(assembly, contacts, case, (parts[used], points[used], normals[used]), friction)
         if found.status is not Status.NOT_IN_EQUILIBRIUM:
             break
         first, second = (_velocity(found.motions, about, parts[:, side], points) for side in (0, 1))

@@ -10,9 +10,10 @@ import numpy as np
 from mocca_robot.assembly import Array, Assembly, IntArray
 from mocca_robot.contacts import Contact
 from mocca_robot.joints.joint import contact_rays
-from mocca_robot.loads import LoadCase, case_wrenches
+from mocca_robot.loads import LoadCase
 from mocca_robot.report.findings import NOT_MADE
-from mocca_robot.statics import EquilibriumResult, Status, equilibrium
+from mocca_robot.statics import Status
+from mocca_robot.verify import solve_rays
 from sim.motion import Motion
 from sim.scene import Compiled, with_timestep
 from sim.stability import LIMITS, StabilityReport, Verdict, contact_points, judged
@@ -137,14 +138,7 @@ def _holds(
     rays: Sequence[tuple[tuple[int, int], Array, Array]],
 ) -> bool:
     directions = np.concatenate([d for _, _, d in rays])
-    result = equilibrium(
-        np.array([pair for pair, _, d in rays for _ in d]),
-        np.array([point for _, point, d in rays for _ in d]),
-        directions / np.linalg.norm(directions, axis=1)[:, None],
-        case_wrenches(case, assembly, contacts),
-        fixed=~case.free,
-        about=np.array([p.centroid for p in assembly.parts]),
-        length=assembly.size / 2,
-    )
-    assert isinstance(result, EquilibriumResult)
-    return result.status is Status.EQUILIBRIUM
+    pairs = np.array([pair for pair, _, d in rays for _ in d])
+    points = np.array([point for _, point, d in rays for _ in d])
+    normals = directions / np.linalg.norm(directions, axis=1)[:, None]
+    return solve_rays(assembly, contacts, case, (pairs, points, normals)).status is Status.EQUILIBRIUM

@@ -216,7 +216,7 @@ def _driven(
             force = max(force, float(np.linalg.norm(pushed[path.dof] * weights)))
             depth = max(depth, _penetration(data, mine))
             deviation = max(deviation, path.deviation(where, step, far))
-            if step == path.steps // SETTLED:
+            if step == legs[0][1] // SETTLED:
                 # Contacts give: the seat has sunk by so much beneath the hand's path.
                 allowed += scene.hand.stiffness * watch.farthest(data)
             # Warnings and numbers that are not finite stay; iterations are those of the last step alone.

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -106,6 +106,7 @@ class _Work:
         self.progress, self.store = progress, store
         self.executor, self.processes = executor, processes
         self.identity = (assembly_hash(assembly), _engine())
+        self._touching_at: dict[float, ContactModel | Sequence[PairRays]] = {}
 
     def states(self, so_far: Simulation) -> Simulation:
         touching = self._touching(self.ask.friction)
@@ -185,7 +186,10 @@ class _Work:
         groups: list[tuple[tuple[Any, ...], Callable[[], Row]]] = []
         ways = directions(cone, self.ask.directions)
         before = self._state_before(cone.part)
-        carried = _Carried(self._rays, before) if below_stands and before is not None and self._rays else None
+        rays = self._touching(self.ask.friction)
+        carried = None
+        if below_stands and before is not None and not isinstance(rays, ContactModel):
+            carried = _Carried(rays, before)
         mine = [c for c in self.contacts if c.parts[1] == cone.part]  # all of a large structure's take long to send
         telling = tuple(w for w in ways if w.kind in ("axis", "rim"))
         # Negative controls only without clearance: with play, 3° outside may truly go in.
@@ -223,10 +227,6 @@ class _Work:
         result = solve_case(self.assembly, self.contacts, case, self.ask.friction).result
         return result.status is Status.EQUILIBRIUM
 
-    @cached_property
-    def _rays(self) -> tuple[PairRays, ...] | None:
-        return telling_rays(self.assembly, self.contacts, self.ask.friction)
-
     def _state_before(self, part: int) -> LoadCase | None:
         """Return the load case of the state in which `part` is placed; None when only fixed parts are there."""
         cases = [c for c in state_cases(self.assembly) if not c.present[part:].any()]
@@ -234,8 +234,12 @@ class _Work:
 
     def _touching(self, friction: float) -> ContactModel | Sequence[PairRays]:
         """Return the contact model of every load, or the contact points to choose it from load by load."""
-        rays = telling_rays(self.assembly, self.contacts, friction)
-        return contact_model(self.assembly, self.contacts, friction) if rays is None else rays
+        if friction not in self._touching_at:
+            rays = telling_rays(self.assembly, self.contacts, friction)
+            self._touching_at[friction] = (
+                contact_model(self.assembly, self.contacts, friction) if rays is None else rays
+            )
+        return self._touching_at[friction]
 
     def _rows(self, trials: Sequence[Trial], executor: Executor | None) -> tuple[list[Row], bool]:
         rows = run_trials(trials, self.store, self.ask.threads, self.progress, executor)
@@ -274,7 +278,7 @@ def _detailed_tilt(
 class _Carried:
     """Contact points of a large structure, to be chosen so that they hold its `state` before a part is placed."""
 
-    rays: tuple[PairRays, ...]
+    rays: Sequence[PairRays]
     state: LoadCase
 
 
