@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -13,15 +13,11 @@ import shapely
 from mocca_robot.assembly import Array, Assembly, Goal, IntArray, Mesh, Polygon
 from mocca_robot.contacts import Contact, find_contacts, to_shapely
 from mocca_robot.executors import mapped
-from mocca_robot.joints.joint import Joint, contact_rays, planar, spanning_rays
+from mocca_robot.insertion import InsertionVerdict, insertion_verdicts
+from mocca_robot.joints.joint import contact_rays, spanning_rays
 from mocca_robot.loads import LoadCase, case_wrenches, load_cases, tilted_gravity
-from mocca_robot.parts_graph import PartMotion, part_motions
 from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium
 from mocca_robot.statics.tilt import critical_angle
-from mocca_robot.sweep2d import free_half_angle_2d, sweep_blockers_2d
-
-AWAY_DEG, OTHER_WAYS = (2.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 20.0, 25.0, 30.0), 24
-"""How far from the middle of a part's cone other ways in are looked for, and how many are tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,34 +126,6 @@ def case_at(assembly: Assembly, angle_rad: float, azimuth_rad: float) -> LoadCas
 
 
 @dataclass(frozen=True, eq=False)
-class InsertionVerdict:
-    """Whether a part can be inserted along every direction of its cone.
-
-    Attributes:
-        part: name.
-        alpha_rad: half-angle of the widest cone about its way in that is free, negative when its earlier contacts
-            block the way itself. Flat parts: free of everything. Solid parts: as far as their own contacts tell
-            (see PartMotion); `collides` tells of all others, within the cone that was asked for.
-        required_rad: what was asked for; None when nothing was.
-        blockers: names of earlier parts that are hit while inserting along the axis or the rim, or that leave
-            the cone too narrow.
-        collides: the sweep along the axis or rim hits a part that is not (or not only) limiting the cone.
-    """
-
-    part: str
-    alpha_rad: float
-    required_rad: float | None
-    blockers: tuple[str, ...]
-    collides: bool
-
-    @property
-    def assemblable(self) -> bool:
-        """Return whether the part can be inserted as asked."""
-        wide_enough = self.alpha_rad >= (self.required_rad or 0.0) - 1e-9
-        return wide_enough and not self.collides
-
-
-@dataclass(frozen=True, eq=False)
 class Verification:
     """Everything statics and geometry say about an assembly as it stands.
 
@@ -204,87 +172,6 @@ def verify(
     )
 
 
-def insertion_verdicts(
-    assembly: Assembly, contacts: Sequence[Contact], directions: dict[str, Array]
-) -> tuple[InsertionVerdict, ...]:
-    """Return one verdict per free part: its cone, and a swept collision check along the axis and the rim."""
-    joints: list[Joint] = [planar(c) for c in contacts]
-    verdicts = []
-    for part, motion in part_motions(assembly, joints).items():
-        name = assembly.parts[part].name
-        alpha = motion.alpha_rad
-        axis = motion.axis
-        if name in directions and len(motion.normals):
-            axis = -directions[name]
-            alpha = _half_angle(motion, axis)
-        hit = sweep_blockers(assembly, part, insertion_rim(axis, assembly.alpha_rad or 0.0)) if alpha > -1e-9 else ()
-        if hit and name not in directions:
-            # Others than those it touches bar the middle of its cone: another way may be free and wide enough.
-            for way in _other_ways(motion, assembly.alpha_rad or 0.0):
-                if not sweep_blockers(assembly, part, insertion_rim(way, assembly.alpha_rad or 0.0)):
-                    axis, alpha, hit = way, _half_angle(motion, way), ()
-                    break
-        if assembly.dimension == 2 and alpha > 0.0 and not hit:
-            alpha = min(alpha, free_half_angle_2d(assembly, part, axis))
-        narrow = alpha < (assembly.alpha_rad or 0.0) - 1e-9
-        blockers = {assembly.parts[b].name for b in motion.blockers} if narrow else set()
-        blockers |= {assembly.parts[b].name for b in hit}
-        ordered = tuple(n for n in assembly.sequence if n in blockers)
-        verdicts.append(InsertionVerdict(name, alpha, assembly.alpha_rad, ordered, bool(hit)))
-    return tuple(verdicts)
-
-
-def _half_angle(motion: PartMotion, way_out: Array) -> float:
-    """Return the half-angle of the widest cone about a way out that the part's own contacts leave."""
-    return float(np.arcsin(np.clip((motion.normals @ way_out).min(), -1.0, 1.0)))
-
-
-def _other_ways(motion: PartMotion, least_rad: float) -> Iterator[Array]:
-    """Yield unit ways out that its own contacts leave free by `least_rad`, each as far as can be from those before."""
-    if not len(motion.normals):
-        return
-    rings = [insertion_rim(motion.axis, float(np.deg2rad(off)), 36)[1:] for off in AWAY_DEG]
-    ways = np.concatenate(rings)
-    ways = ways[(ways @ motion.normals.T).min(axis=1) >= np.sin(least_rad) - 1e-9]
-    apart = np.linalg.norm(ways - motion.axis, axis=1)
-    for _ in range(min(OTHER_WAYS, len(ways))):
-        way = ways[apart.argmax()]
-        yield way
-        apart = np.minimum(apart, np.linalg.norm(ways - way, axis=1))
-
-
-def insertion_rim(axis: Array, alpha_rad: float, count: int = 8) -> Array:
-    """Return (1 + m, d) ways out: the axis, then directions on the rim of K(axis, α); two in 2D, `count` in 3D."""
-    if alpha_rad <= 0.0:
-        return np.asarray(axis[None])
-    if len(axis) == 2:
-        side = np.array([-axis[1], axis[0]])
-        rim = [np.cos(alpha_rad) * axis + s * np.sin(alpha_rad) * side for s in (1.0, -1.0)]
-        return np.array([axis, *rim])
-    seed = np.eye(3)[np.abs(axis).argmin()]
-    first = np.cross(axis, seed)
-    first /= np.linalg.norm(first)
-    second = np.cross(axis, first)
-    turns = 2 * np.pi * np.arange(count) / count
-    ring = np.cos(turns)[:, None] * first + np.sin(turns)[:, None] * second
-    return np.concatenate([axis[None], np.cos(alpha_rad) * axis + np.sin(alpha_rad) * ring])
-
-
-def sweep_blockers(assembly: Assembly, part: int, ways_out: Array) -> tuple[int, ...]:
-    """Return the earlier parts that `part` hits on its way out along any of `ways_out` (m, d).
-
-    The sweep is long enough to clear everything. Touching is not hitting: an overlap counts when it is deeper than
-    parts at rest may overlap.
-    """
-    if not len(ways_out):
-        return ()
-    if assembly.dimension == 3:
-        from mocca_robot.sweep3d import sweep_blockers_3d
-
-        return sweep_blockers_3d(assembly, part, ways_out)
-    return sweep_blockers_2d(assembly, part, ways_out)
-
-
 def part_overlap(assembly: Assembly) -> float:
     """Return the largest overlap of two parts, as a share of the smaller part's area (2D) or volume (3D)."""
     if assembly.dimension == 3:
@@ -303,15 +190,11 @@ def part_overlap(assembly: Assembly) -> float:
 
 __all__ = [
     "CaseVerdict",
-    "InsertionVerdict",
-    "PartMotion",
     "Verification",
     "critical_tilt",
     "critical_tilts",
-    "insertion_verdicts",
     "part_overlap",
     "solve_case",
     "solve_cases_on",
-    "sweep_blockers",
     "verify",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -10,8 +10,7 @@ from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import Contact
 from mocca_robot.joints.joint import planar
 from mocca_robot.parts_graph import part_motions
-from mocca_robot.sweep2d import free_half_angle_2d
-from mocca_robot.verify import insertion_rim, sweep_blockers
+from mocca_robot.sweep2d import free_half_angle_2d, sweep_blockers_2d
 
 HALF_ANGLE_STEP = float(np.deg2rad(1.0))
 """How finely a solid part's free half-angle is searched."""
@@ -38,13 +37,52 @@ def ways_out(
         order = np.argsort(-slack, kind="stable")
         order = order[slack[order] >= np.sin(alpha + room_rad)]
         tried = [motion.axis] if motion.alpha_rad >= alpha else []
-        for axis in (*tried, *spread[order]):
-            rim = insertion_rim(axis, alpha)
-            # Most directions that are not free are blocked along their axis already.
-            if not sweep_blockers(assembly, part, rim[:1]) and not sweep_blockers(assembly, part, rim[1:]):
-                found[part] = np.asarray(axis)
-                break
+        way = first_free(assembly, part, (*tried, *spread[order]))
+        if way is not None:
+            found[part] = way
     return found
+
+
+def first_free(assembly: Assembly, part: int, ways: Iterable[Array]) -> Array | None:
+    """Return the first of `ways` (d,) along which, and along whose rim of K(x, α), `part` hits nothing; else None."""
+    for axis in ways:
+        rim = insertion_rim(axis, assembly.alpha_rad or 0.0)
+        # Most directions that are not free are blocked along their axis already.
+        if not sweep_blockers(assembly, part, rim[:1]) and not sweep_blockers(assembly, part, rim[1:]):
+            return np.asarray(axis)
+    return None
+
+
+def insertion_rim(axis: Array, alpha_rad: float, count: int = 8) -> Array:
+    """Return (1 + m, d) ways out: the axis, then directions on the rim of K(axis, α); two in 2D, `count` in 3D."""
+    if alpha_rad <= 0.0:
+        return np.asarray(axis[None])
+    if len(axis) == 2:
+        side = np.array([-axis[1], axis[0]])
+        rim = [np.cos(alpha_rad) * axis + s * np.sin(alpha_rad) * side for s in (1.0, -1.0)]
+        return np.array([axis, *rim])
+    seed = np.eye(3)[np.abs(axis).argmin()]
+    first = np.cross(axis, seed)
+    first /= np.linalg.norm(first)
+    second = np.cross(axis, first)
+    turns = 2 * np.pi * np.arange(count) / count
+    ring = np.cos(turns)[:, None] * first + np.sin(turns)[:, None] * second
+    return np.concatenate([axis[None], np.cos(alpha_rad) * axis + np.sin(alpha_rad) * ring])
+
+
+def sweep_blockers(assembly: Assembly, part: int, ways_out: Array) -> tuple[int, ...]:
+    """Return the earlier parts that `part` hits on its way out along any of `ways_out` (m, d).
+
+    The sweep is long enough to clear everything. Touching is not hitting: an overlap counts when it is deeper than
+    parts at rest may overlap.
+    """
+    if not len(ways_out):
+        return ()
+    if assembly.dimension == 3:
+        from mocca_robot.sweep3d import sweep_blockers_3d
+
+        return sweep_blockers_3d(assembly, part, ways_out)
+    return sweep_blockers_2d(assembly, part, ways_out)
 
 
 def free_half_angle(assembly: Assembly, part: int, way_out: Array, widest_rad: float) -> float:

@@ -17,7 +17,8 @@ from mocca_robot.errors import EnvironmentNeeded
 from mocca_robot.extrusion import surface
 from mocca_robot.files.output import write_atomic
 from mocca_robot.joints.joint import contact_rays
-from mocca_robot.verify import case_at, insertion_rim, solve_case
+from mocca_robot.verify import case_at, solve_case
+from mocca_robot.ways_out import insertion_rim
 from sim.contact_model import contact_model, embed
 from sim.directions import insertion_cone
 from sim.mjcf import colour

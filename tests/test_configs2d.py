@@ -13,7 +13,8 @@ from mocca_robot.contacts import find_contacts, to_shapely
 from mocca_robot.files.design_json import StoredDesign
 from mocca_robot.loads import load_cases, state_cases
 from mocca_robot.statics import Status
-from mocca_robot.verify import insertion_rim, part_overlap, solve_case, sweep_blockers, verify
+from mocca_robot.verify import part_overlap, solve_case, verify
+from mocca_robot.ways_out import insertion_rim, sweep_blockers
 from planners import Designed, design
 
 CONFIGS = Path(__file__).parents[1] / "configs"

@@ -12,11 +12,12 @@ import pytest
 from mocca_robot.assembly import Array, Assembly, Polygon
 from mocca_robot.contacts import Contact, find_contacts, require_sound
 from mocca_robot.files.config import load
+from mocca_robot.insertion import insertion_verdicts
 from mocca_robot.joints import planar
 from mocca_robot.loads import LoadCase, case_wrenches, load_cases, tilted_gravity
 from mocca_robot.parts_graph import part_motions
 from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium
-from mocca_robot.verify import insertion_verdicts, part_overlap, solve_case
+from mocca_robot.verify import part_overlap, solve_case
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 COUNTS = {

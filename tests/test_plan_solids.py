@@ -16,7 +16,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.files.config import load
 from mocca_robot.ur.plan import MoveKind, Plan, insertion_axis, write_plan
 from mocca_robot.ur.plan_reader import read_plan
-from mocca_robot.verify import insertion_rim, sweep_blockers
+from mocca_robot.ways_out import insertion_rim, sweep_blockers
 from planners.cone_joints.designer import design
 from planners.robot.arm_poses import branches
 from planners.robot.bench import Bench

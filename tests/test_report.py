@@ -21,6 +21,7 @@ from mocca_robot.assembly import Assembly, Equilibrium, Lateral, Mesh, Part, Pol
 from mocca_robot.cli import main
 from mocca_robot.contacts import Contact, find_contacts
 from mocca_robot.design import CaseResult, Design, Insertion
+from mocca_robot.insertion import InsertionVerdict
 from mocca_robot.joints.build2d import build_parts_2d
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.spline import polyline_joint
@@ -34,7 +35,7 @@ from mocca_robot.report.markup import esc, script_json, significant
 from mocca_robot.report.page import report_page, write_report
 from mocca_robot.report.palette import part_colours
 from mocca_robot.report.scene3d import packed
-from mocca_robot.verify import InsertionVerdict, Verification, solve_case
+from mocca_robot.verify import Verification, solve_case
 
 HOSTILE = "</script><script>alert(1)</script> & \"'<b>"
 

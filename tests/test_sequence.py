@@ -17,7 +17,8 @@ from mocca_robot.contacts import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.files.assembly_json import read_assembly, write_assembly
 from mocca_robot.loads import state_cases
-from mocca_robot.verify import insertion_rim, solve_case, sweep_blockers
+from mocca_robot.verify import solve_case
+from mocca_robot.ways_out import insertion_rim, sweep_blockers
 from planners.order.sequence import SequenceResult, SequenceStatus, find_sequence, reordered
 
 

@@ -6,8 +6,9 @@ from physics_models import box_mesh, jointed, stack
 
 from mocca_robot.assembly import Assembly, Part
 from mocca_robot.contacts import find_contacts
+from mocca_robot.insertion import insertion_verdicts
 from mocca_robot.joints.joint import spanning_rays
-from mocca_robot.verify import case_at, critical_tilt, insertion_verdicts, solve_case
+from mocca_robot.verify import case_at, critical_tilt, solve_case
 
 
 def test_rays_that_span_give_the_same_verdict(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,8 +8,7 @@ from solids import box
 
 from mocca_robot.assembly import Assembly, Part, Polygon
 from mocca_robot.contacts import find_contacts
-from mocca_robot.verify import insertion_rim, sweep_blockers
-from mocca_robot.ways_out import free_half_angle, ways_out
+from mocca_robot.ways_out import free_half_angle, insertion_rim, sweep_blockers, ways_out
 
 
 def flat(points: list[list[float]]) -> Polygon:

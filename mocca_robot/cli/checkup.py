@@ -12,10 +12,11 @@ from mocca_robot.cli import evidence
 from mocca_robot.cli.evidence import Finding
 from mocca_robot.contacts import Contact, ContactReport
 from mocca_robot.files.config import Config
+from mocca_robot.insertion import insertion_verdicts
 from mocca_robot.loads import load_cases, state_cases, tilt_azimuths
 from mocca_robot.mobility import Mobility, mobility
 from mocca_robot.report.markup import plural
-from mocca_robot.verify import CaseVerdict, Verification, critical_tilts, insertion_verdicts, part_overlap, solve_case
+from mocca_robot.verify import CaseVerdict, Verification, critical_tilts, part_overlap, solve_case
 
 
 @dataclass(frozen=True, eq=False)

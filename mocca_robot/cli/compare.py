@@ -107,9 +107,10 @@ def judged(joinery: Joinery) -> Variant:
     import numpy as np
 
     from mocca_robot.assembly import Interlocking
+    from mocca_robot.insertion import insertion_verdicts
     from mocca_robot.mobility import leaving_parts
     from mocca_robot.report.comparison import Variant
-    from mocca_robot.verify import insertion_verdicts, verify
+    from mocca_robot.verify import verify
     from sim.contact_model import contact_model
     from sim.stability import Verdict, free_scene, stability
 

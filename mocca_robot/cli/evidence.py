@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mocca_robot.assembly import Assembly, SupportFree
+from mocca_robot.insertion import InsertionVerdict
 from mocca_robot.report.summary import case_words
-from mocca_robot.verify import CaseVerdict, InsertionVerdict, Verification, moving_parts
+from mocca_robot.verify import CaseVerdict, Verification, moving_parts
 
 if TYPE_CHECKING:
     from planners.cone_joints.designer import Designed

@@ -147,7 +147,7 @@ def _of_parts(
 def _searched(assembly: Assembly) -> list[str] | None:
     """Return free parts in an order in which all of them go in, the present one if it does, or None."""
     from mocca_robot.contacts import find_contacts
-    from mocca_robot.verify import insertion_verdicts
+    from mocca_robot.insertion import insertion_verdicts
     from planners.order.sequence import find_sequence
 
     if all(i.assemblable for i in insertion_verdicts(assembly, find_contacts(assembly).contacts, {})):

@@ -18,8 +18,7 @@ from mocca_robot.joints.options import JointOptions
 from mocca_robot.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
 from mocca_robot.parts_graph import PartMotion, part_motions
 from mocca_robot.statics.threads import with_one_blas_thread
-from mocca_robot.verify import insertion_rim, sweep_blockers
-from mocca_robot.ways_out import free_half_angle, ways_out
+from mocca_robot.ways_out import free_half_angle, insertion_rim, sweep_blockers, ways_out
 from planners.cone_joints.descent import evaluate
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.kinematic import Impossible, bound

@@ -10,8 +10,7 @@ import numpy as np
 from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import Contact
 from mocca_robot.motion_cone import largest_cone
-from mocca_robot.verify import insertion_rim, sweep_blockers
-from mocca_robot.ways_out import spread_directions
+from mocca_robot.ways_out import insertion_rim, spread_directions, sweep_blockers
 
 State = frozenset[int]
 """The free parts that are there, by their numbers."""

@@ -15,7 +15,7 @@ from mocca_robot.assembly import Array
 from mocca_robot.ur.checks import Finding, findings
 from mocca_robot.ur.plan import Move, MoveKind, Plan, Step, Waypoint, insertion_axis
 from mocca_robot.ur.pose import transform
-from mocca_robot.verify import sweep_blockers
+from mocca_robot.ways_out import sweep_blockers
 from planners.robot.cell import RobotCell
 from planners.robot.scene import Scene
 from planners.robot.site import Site
