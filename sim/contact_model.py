@@ -20,7 +20,8 @@ import numpy as np
 
 from mocca_robot.assembly import Array, Assembly, BoolArray, Polygon, read_only
 from mocca_robot.contacts import Contact
-from sim.contact_rays import PairRays, Rays, pair_rays, reduced_rays
+from mocca_robot.loads import LoadCase
+from sim.contact_rays import PairRays, Rays, holding, pair_rays, reduced_rays
 from sim.convex_pieces import convex_pieces
 
 BUDGET = 4800
@@ -162,6 +163,13 @@ def telling_rays(assembly: Assembly, contacts: Sequence[Contact], friction: floa
     return None if all(r.kept.all() for r in rays) else rays
 
 
+def holding_model(
+    assembly: Assembly, contacts: Sequence[Contact], rays: Sequence[PairRays], case: LoadCase, friction: float = 0.0
+) -> ContactModel:
+    """Return facet pairs at those of `telling_rays` that hold what all of them hold under `case`."""
+    return facet_pairs(r.reduced for r in holding(assembly, contacts, rays, case, friction))
+
+
 def contact_model(assembly: Assembly, contacts: Sequence[Contact], friction: float = 0.0) -> ContactModel:
     """Return the model to judge stability with: convex pieces for flat parts, facet pairs for solids.
 
@@ -205,12 +213,12 @@ __all__ = [
     "Geom",
     "PairRays",
     "Rays",
-    "affordable",
     "contact_model",
     "embed",
     "facet_pairs",
     "facets",
     "geom",
+    "holding_model",
     "pieces",
     "telling_rays",
 ]

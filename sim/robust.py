@@ -17,7 +17,8 @@ from mocca_robot.errors import InputError
 from sim.contact_model import contact_model, pieces
 from sim.directions import Direction, insertion_cone
 from sim.hand import HandOptions, PlacingError
-from sim.insertion import insert, insertion_scene
+from sim.insertion import insert
+from sim.insertion_scene import insertion_scene
 from sim.stability import free_scene, stability
 from sim.trial_store import Row, Trial
 

@@ -17,11 +17,11 @@ from mocca_robot.content_hash import assembly_hash
 from mocca_robot.loads import LoadCase, state_cases
 from mocca_robot.statics import Status
 from mocca_robot.verify import solve_case
-from sim.contact_model import ContactModel, PairRays, contact_model, facet_pairs, telling_rays
-from sim.contact_rays import holding
+from sim.contact_model import ContactModel, PairRays, contact_model, holding_model, telling_rays
 from sim.directions import Direction, InsertionCone, directions, insertion_cone
 from sim.hand import PlacingError
-from sim.insertion import InsertionTrial, insert, insertion_scene, resting_model
+from sim.insertion import InsertionTrial, insert
+from sim.insertion_scene import insertion_scene, resting_model
 from sim.questions import TILT_FRICTIONS, Questions
 from sim.robust import robust_report, robust_trials
 from sim.scene import Compiled
@@ -260,7 +260,7 @@ def _state(
     if isinstance(touching, ContactModel):
         model = touching
     else:
-        model = facet_pairs(r.reduced for r in holding(assembly, contacts, touching, case, friction))
+        model = holding_model(assembly, contacts, touching, case, friction)
     return asdict(state_result(assembly, model, contacts, case, friction))
 
 
@@ -294,8 +294,7 @@ def _inserted(
     errors: Sequence[PlacingError],
 ) -> Row:
     if isinstance(resting, _Carried):
-        rays = holding(assembly, contacts, resting.rays, resting.state, ask.friction)
-        resting = facet_pairs(r.reduced for r in rays)
+        resting = holding_model(assembly, contacts, resting.rays, resting.state, ask.friction)
     ready = insertion_scene(
         assembly,
         contacts,

@@ -13,8 +13,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.loads import tilt_azimuths, tilted_gravity
 from mocca_robot.tolerances import TILT_AGREEMENT_DEG
 from mocca_robot.verify import case_at, critical_tilt
-from sim.contact_model import ContactModel, PairRays, facet_pairs
-from sim.contact_rays import holding
+from sim.contact_model import ContactModel, PairRays, facet_pairs, holding_model
 from sim.disagreement import cause
 from sim.scene import Compiled, compile_scene, with_gravity
 from sim.stability import (
@@ -93,10 +92,10 @@ def detailed_scene(
     friction: float = 0.0,
 ) -> Compiled:
     """Return the finished assembly with contact points for one azimuth, at which statics' critical tilt is given."""
-    if critical_rad > 0.0:
-        case = case_at(assembly, max(0.0, critical_rad - HELD_BELOW_RAD), azimuth_rad)
-        rays = holding(assembly, contacts, rays, case, friction)
-    return tilt_scene(assembly, facet_pairs(r.reduced for r in rays), friction)
+    if critical_rad == 0.0:  # nothing to hold
+        return tilt_scene(assembly, facet_pairs(r.reduced for r in rays), friction)
+    case = case_at(assembly, max(0.0, critical_rad - HELD_BELOW_RAD), azimuth_rad)
+    return tilt_scene(assembly, holding_model(assembly, contacts, rays, case, friction), friction)
 
 
 def detailed_tilt(

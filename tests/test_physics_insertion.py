@@ -12,7 +12,8 @@ from mocca_robot.errors import InputError
 from sim.contact_model import facets
 from sim.directions import OUTSIDE, directions, insertion_cone
 from sim.hand import HandOptions, PlacingError
-from sim.insertion import insert, insertion_model, insertion_scene
+from sim.insertion import insert
+from sim.insertion_scene import insertion_model, insertion_scene
 from sim.tilt import physical_tilt, tilt_scene
 
 
