@@ -27,8 +27,6 @@ from sim.scene import Compiled
 
 GENTLE = 0.8
 """Share of the force allowed for meeting a neighbour that the speed of a part gripped off its place may use up."""
-SETTLED = 5
-"""In the first fifth of its way, of which it covers 6 %, a part meets nothing: what is left free beneath it settles."""
 NEAR = 2.0
 """Errors of the grip, over the sine of the cone's half-angle: from there on to its seat a part may meet neighbours."""
 
@@ -77,19 +75,20 @@ def insert(
 ) -> InsertionTrial:
     """Return the trial of driving the part in along `direction`. Safe to call from several threads.
 
-    A part gripped off its place is slow where it meets its neighbours, so that it hits no harder than the hand pushes.
-    In a cone it meets those that it will touch only near its seat, and comes there faster; whatever then fails is
-    tried again, slow all the way.
+    A part gripped off its place, or whose seat has sunk, is slow where it meets its neighbours, so that it hits no
+    harder than the hand pushes. In a cone it meets those that it will touch only near its seat, and comes there
+    faster; whatever then fails is tried again, slow all the way.
     """
     assembly, part = ready.compiled.scene.assembly, ready.cone.part
     far = float(reach(assembly)[part])
     offset, effective = grip_offset(assembly, direction.vector, error, far)
-    travel = _travel(ready, direction.vector) + hand.lead * 2.0 * far
+    travel = ready.travel(direction.vector, hand)
     quick = (travel, max(1, hand.steps))
-    if effective == 0.0:
+    off = effective + ready.sunk
+    if off == 0.0:
         return _driven(ready, direction, (quick,), offset, effective, hand)
-    speed = _gentle_speed(ready, effective, hand)
-    near = NEAR * effective / max(np.sin(ready.cone.realised_rad), 1e-3)
+    speed = _gentle_speed(ready, off, hand)
+    near = NEAR * off / max(np.sin(ready.cone.realised_rad), 1e-3)
     if near < 0.5 * travel:
         found = _driven(ready, direction, (quick, (near, _steps(ready, near, speed))), offset, effective, hand)
         if found.succeeded:
@@ -98,8 +97,8 @@ def insert(
     return _driven(ready, direction, (slow,), offset, effective, hand)
 
 
-def _gentle_speed(ready: InsertionScene, effective: float, hand: HandOptions) -> float:
-    """Return the speed (m/s) at which a part gripped off by `effective` metres may meet a neighbour.
+def _gentle_speed(ready: InsertionScene, off: float, hand: HandOptions) -> float:
+    """Return the speed (m/s) at which a part that is `off` metres beside its way may meet a neighbour.
 
     A mass m on a spring k that meets a wall at speed v adds v √(k m) to the spring's force.
     """
@@ -107,7 +106,7 @@ def _gentle_speed(ready: InsertionScene, effective: float, hand: HandOptions) ->
     assert scene.hand is not None
     mass = scene.assembly.parts[ready.cone.part].mass
     weight = mass * float(np.linalg.norm(scene.assembly.gravity))
-    spare = hand.weight_share * weight + hand.impact * scene.hand.stiffness * effective
+    spare = hand.weight_share * weight + hand.impact * scene.hand.stiffness * off
     return min(hand.touching_speed, GENTLE * spare / float(np.sqrt(scene.hand.stiffness * mass)))
 
 
@@ -135,7 +134,7 @@ def _driven(
     assert scene.hand is not None
     # With friction the hand also drags the part along what it rubs against, on both sides at most.
     beyond = 1.0 + hand.impact + 2.0 * scene.settings.friction
-    allowed = hand.weight_share * weight + scene.hand.stiffness * effective * beyond
+    allowed = hand.weight_share * weight + scene.hand.stiffness * (effective + ready.sunk) * beyond
     path = HandPath(model, compiled, cone.part, direction.vector, legs, offset)
     data = mujoco.MjData(model)
     heard()
@@ -157,9 +156,6 @@ def _driven(
             force = max(force, float(np.linalg.norm(pushed[path.dof] * weights)))
             depth = max(depth, _penetration(data, mine))
             deviation = max(deviation, path.deviation(where, step, far))
-            if step == legs[0][1] // SETTLED:
-                # Contacts give: the seat has sunk by so much beneath the hand's path.
-                allowed += scene.hand.stiffness * watch.farthest(data)
             # Warnings and numbers that are not finite stay; iterations are those of the last step alone.
             if not step % LOOK or step == path.steps or iterations.max() >= most:
                 failure = step_failure(model, data)
@@ -233,11 +229,6 @@ class _Below:
         self.start = data.qpos[self.qpos].copy()
         self.assembly = compiled.scene.assembly
 
-    def farthest(self, data: Any) -> float:
-        """Return how far the part that moved most is from where it was, metres; 0 when all are held."""
-        far = np.linalg.norm(data.qpos[self.qpos] - self.start, axis=1)
-        return float(far.max(initial=0.0))
-
     def moved(self, data: Any, share: float) -> tuple[str, ...]:
         if not len(self.parts):
             return ()
@@ -255,11 +246,3 @@ def _penetration(data: Any, body: int | None = None) -> float:
         model = data.model
         distance = distance[(model.geom_bodyid[data.contact.geom] == body).any(axis=1)]
     return max(0.0, -float(distance.min(initial=0.0)))
-
-
-def _travel(ready: InsertionScene, way: Array) -> float:
-    """Return how far before its seat the part clears what it will touch, at most one and a half sizes."""
-    assembly = ready.compiled.scene.assembly
-    size = 2.0 * float(reach(assembly)[ready.cone.part])
-    heights = [float(np.ptp(points @ way)) for points in ready.travel_points]
-    return min(1.5 * size, max(heights, default=0.0))

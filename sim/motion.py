@@ -110,7 +110,7 @@ def run(
             continue
         if abandoned.is_set():
             raise Abandoned("Interrupted before it came to a verdict.")
-        displacement, speed = _travel(compiled, data, start, far)
+        displacement, speed = displacement_and_speed(compiled, data, start, far)
         times.append(float(data.time))
         poses.append(data.qpos[compiled.qpos])
         moved.append(displacement)
@@ -172,7 +172,11 @@ def _warned(data: Any) -> list[tuple[int, int]]:
     return [(k, int(n)) for k, n in enumerate(data.warning.number) if n]
 
 
-def _travel(compiled: Compiled, data: Any, start: Array, far: Array) -> tuple[Array, Array]:
+def displacement_and_speed(compiled: Compiled, data: Any, start: Array, far: Array) -> tuple[Array, Array]:
+    """Return (F,) bounds on how far (m) any point of each part has moved, and how fast (m/s) it moves.
+
+    `start` are the joint coordinates of the whole model at first, `far` (F,) the parts' reach.
+    """
     now, velocity = data.qpos[compiled.qpos], data.qvel[compiled.dof]
     if compiled.qpos.shape[1] == 3:
         shift = now - start[compiled.qpos]

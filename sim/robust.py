@@ -94,14 +94,13 @@ def robust_trials(
     ways: Mapping[str, Array],
     options: RobustOptions,
     seed: int,
-    identity: tuple[str, str],
+    identity: tuple[str, str, str],
 ) -> list[Trial]:
     """Return the trials; trial k draws from `seed` and k alone, so that more trials extend fewer ones."""
     return [
         Trial(
             f"robustness {k + 1}",
             (
-                "robust",
                 *identity,
                 sorted((n, list(map(float, v))) for n, v in ways.items()),
                 replace(options, trials=1),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -17,22 +17,23 @@ from mocca_robot.content_hash import assembly_hash
 from mocca_robot.loads import LoadCase, state_cases
 from mocca_robot.statics import Status
 from mocca_robot.verify import solve_case
-from sim.contact_model import ContactModel, PairRays, contact_model, holding_model, telling_rays
+from sim.contact_model import ContactModel, PairRays, contact_model, telling_rays
 from sim.directions import Direction, InsertionCone, directions, insertion_cone
 from sim.hand import PlacingError
-from sim.insertion import InsertionTrial, insert
-from sim.insertion_scene import insertion_scene, resting_model
+from sim.insertion import InsertionTrial
+from sim.insertion_scene import resting_model
 from sim.questions import TILT_FRICTIONS, Questions
 from sim.robust import robust_report, robust_trials
 from sim.scene import Compiled
 from sim.simulation import ConeSummary, Simulation
 from sim.stability import LIMITS
-from sim.states import StateResult, state_result
-from sim.tilt import TiltReport, azimuths, detailed_tilt, physical_tilt, tilt_scene
+from sim.states import StateResult
+from sim.tilt import TiltReport, azimuths, tilt_scene
+from sim.trial_rows import Carried, detailed_tilt_row, insertion_rows, state_row, tilt_row
 from sim.trial_store import Row, Trial, TrialStore, run_trials
 
-METHOD = 11
-"""Raise it when verdicts are reached in another way: trials kept from before then run again."""
+METHOD = {"state": 11, "tilt": 11, "insert": 12, "robust": 12}
+"""Raise what a trial's verdict is reached by in another way: trials kept from before then run again."""
 MANY_INSERTIONS = 60
 """About how many insertions make up for starting processes: each step of theirs runs Python, which threads share."""
 FEW_RIM = 3
@@ -105,7 +106,7 @@ class _Work:
         self.assembly, self.contacts, self.ways, self.ask = assembly, contacts, insertion, questions
         self.progress, self.store = progress, store
         self.executor, self.processes = executor, processes
-        self.identity = (assembly_hash(assembly), _engine())
+        self.hash = assembly_hash(assembly)
         self._touching_at: dict[float, ContactModel | Sequence[PairRays]] = {}
 
     def states(self, so_far: Simulation) -> Simulation:
@@ -113,8 +114,8 @@ class _Work:
         trials = [
             Trial(
                 f"state {case.name.removeprefix('state_')}",
-                ("state", *self.identity, case.name, self.ask.friction),
-                partial(_state, self.assembly, self.contacts, touching, case, self.ask.friction),
+                (*self._identity("state"), case.name, self.ask.friction),
+                partial(state_row, self.assembly, self.contacts, touching, case, self.ask.friction),
             )
             for case in state_cases(self.assembly)
         ]
@@ -134,10 +135,10 @@ class _Work:
         trials = [
             Trial(
                 f"tilt {np.rad2deg(a):.0f}°, friction {mu:g}",
-                ("tilt", *self.identity, float(a), mu),
-                partial(_tilt, ready, self.contacts, float(a))
+                (*self._identity("tilt"), float(a), mu),
+                partial(tilt_row, ready, self.contacts, float(a))
                 if isinstance(ready, Compiled)
-                else partial(_detailed_tilt, self.assembly, self.contacts, ready, float(a), mu),
+                else partial(detailed_tilt_row, self.assembly, self.contacts, ready, float(a), mu),
             )
             for mu, ready in prepared.items()
             for a in azimuths(self.assembly, self.ask.azimuths)
@@ -165,7 +166,7 @@ class _Work:
             if not standing[index]:
                 notes.append(f"'{part.name}' is inserted with the earlier parts held: without support they fall")
             trials += [
-                Trial(f"insert {part.name}", ("insert", *self.identity, *what), find_out)
+                Trial(f"insert {part.name}", (*self._identity("insert"), *what), find_out)
                 for what, find_out in self._insertion_groups(resting, cone, standing[index])
             ]
         many = self.processes is not None and len(trials) * self.ask.directions >= MANY_INSERTIONS
@@ -175,7 +176,8 @@ class _Work:
         return self._finished(result, complete)
 
     def robust(self, so_far: Simulation) -> Simulation:
-        trials = robust_trials(self.assembly, self.contacts, self.ways, self.ask.robust, self.ask.seed, self.identity)
+        identity = self._identity("robust")
+        trials = robust_trials(self.assembly, self.contacts, self.ways, self.ask.robust, self.ask.seed, identity)
         rows, complete = self._rows(trials, self.executor)
         return self._finished(replace(so_far, robust=robust_report(rows, self.ask.robust)), complete)
 
@@ -189,7 +191,7 @@ class _Work:
         rays = self._touching(self.ask.friction)
         carried = None
         if below_stands and before is not None and not isinstance(rays, ContactModel):
-            carried = _Carried(rays, before)
+            carried = Carried(rays, before)
         mine = [c for c in self.contacts if c.parts[1] == cone.part]  # all of a large structure's take long to send
         telling = tuple(w for w in ways if w.kind in ("axis", "rim"))
         # Negative controls only without clearance: with play, 3° outside may truly go in.
@@ -202,10 +204,12 @@ class _Work:
             runs.append((0.0, "free", few if large else telling, ()))
         for clearance, below, tried, errors in runs:
             content = (cone.part, [w.vector for w in tried], clearance, below, errors, self.ask.hand, self.ask.friction)
-            needed: ContactModel | _Carried | None = None
+            needed: ContactModel | Carried | None = None
             if below == "free" or self.assembly.dimension == 2:
                 needed = carried or resting
-            find_out = partial(_inserted, self.assembly, mine, self.ask, needed, cone, clearance, below, tried, errors)
+            find_out = partial(
+                insertion_rows, self.assembly, mine, self.ask, needed, cone, clearance, below, tried, errors
+            )
             groups.append((content, find_out))
         return groups
 
@@ -241,6 +245,11 @@ class _Work:
             )
         return self._touching_at[friction]
 
+    def _identity(self, kind: str) -> tuple[str, str, str]:
+        import mujoco
+
+        return kind, self.hash, f"mujoco {mujoco.__version__}, method {METHOD[kind]}"
+
     def _rows(self, trials: Sequence[Trial], executor: Executor | None) -> tuple[list[Row], bool]:
         rows = run_trials(trials, self.store, self.ask.threads, self.progress, executor)
         done = [row for row in rows if row is not None]
@@ -248,68 +257,6 @@ class _Work:
 
     def _finished(self, result: Simulation, complete: bool) -> Simulation:
         return result if complete else replace(result, interrupted=True)
-
-
-def _state(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
-    touching: ContactModel | Sequence[PairRays],
-    case: LoadCase,
-    friction: float,
-) -> Row:
-    if isinstance(touching, ContactModel):
-        model = touching
-    else:
-        model = holding_model(assembly, contacts, touching, case, friction)
-    return asdict(state_result(assembly, model, contacts, case, friction))
-
-
-def _tilt(compiled: Compiled, contacts: Sequence[Contact], azimuth: float) -> Row:
-    return asdict(physical_tilt(compiled, contacts, azimuth))
-
-
-def _detailed_tilt(
-    assembly: Assembly, contacts: Sequence[Contact], rays: Sequence[PairRays], azimuth: float, friction: float
-) -> Row:
-    return asdict(detailed_tilt(assembly, contacts, rays, azimuth, friction))
-
-
-@dataclass(frozen=True, eq=False)
-class _Carried:
-    """Contact points of a large structure, to be chosen so that they hold its `state` before a part is placed."""
-
-    rays: Sequence[PairRays]
-    state: LoadCase
-
-
-def _inserted(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
-    ask: Questions,
-    resting: ContactModel | _Carried | None,
-    cone: InsertionCone,
-    clearance: float,
-    below: str,
-    tried: Sequence[Direction],
-    errors: Sequence[PlacingError],
-) -> Row:
-    if isinstance(resting, _Carried):
-        resting = holding_model(assembly, contacts, resting.rays, resting.state, ask.friction)
-    ready = insertion_scene(
-        assembly,
-        contacts,
-        cone,
-        resting=resting,
-        clearance=clearance,
-        below=below,
-        friction=ask.friction,
-        hand=ask.hand,
-    )
-    results = [insert(ready, way, hand=ask.hand) for way in tried]
-    axis = next((w for w in tried if w.kind == "axis"), None)
-    if axis is not None:
-        results += [insert(ready, axis, error=e, hand=ask.hand) for e in errors]
-    return {"trials": [asdict(r) for r in results]}
 
 
 def _contact_points(touching: ContactModel | Sequence[PairRays]) -> int:
@@ -330,12 +277,6 @@ def _near_misses(report: ContactReport) -> tuple[str, ...]:
         f"'{m.parts[0]}' and '{m.parts[1]}' do not touch: a gap of {m.gap_m * 1e3:.3g} mm separates parallel faces"
         for m in report.near_misses
     )
-
-
-def _engine() -> str:
-    import mujoco
-
-    return f"mujoco {mujoco.__version__}, method {METHOD}"
 
 
 def _restored(kind: type[Result], row: Row) -> Result:

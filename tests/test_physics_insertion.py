@@ -85,6 +85,18 @@ def test_parts_below_that_are_free_stay_where_they_are():
     assert all(t.succeeded and t.below == "free" and not t.moved_below for t in inside)
 
 
+def test_a_seat_that_sinks_is_met_gently_and_held_ones_do_not_sink():
+    assembly, contacts = jointed(stack(3))
+    cone = insertion_cone(assembly, contacts, 3)
+    free, held = (insertion_scene(assembly, contacts, cone, below=b) for b in ("free", "held"))
+    assert held.sunk == 0.0
+    assert 0.0 < free.sunk < 1e-3 * np.ptp(assembly.parts[3].shape.bounds, axis=0).max()
+    axis = directions(cone, 1)[0]
+    resting, moving = insert(held, axis), insert(free, axis)
+    assert moving.allowed_force > resting.allowed_force
+    assert moving.peak_force < resting.allowed_force, "what the seat sinks by must not turn into a blow"
+
+
 def test_a_part_driven_from_outside_pushes_free_parts_away():
     assembly, contacts = jointed(stack(2), 0.3)
     cone = insertion_cone(assembly, contacts, 2)

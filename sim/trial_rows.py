@@ -1,0 +1,86 @@
+"""One trial of each kind, as the row that is kept of it; functions of values that can be sent to other processes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts import Contact
+from mocca_robot.loads import LoadCase
+from sim.contact_model import ContactModel, PairRays, holding_model
+from sim.directions import Direction, InsertionCone
+from sim.hand import PlacingError
+from sim.insertion import insert
+from sim.insertion_scene import insertion_scene
+from sim.questions import Questions
+from sim.scene import Compiled
+from sim.states import state_result
+from sim.tilt import detailed_tilt, physical_tilt
+from sim.trial_store import Row
+
+
+def state_row(
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    touching: ContactModel | Sequence[PairRays],
+    case: LoadCase,
+    friction: float,
+) -> Row:
+    """Return whether the state of `case` stands; `touching` as `simulate` prepares it."""
+    if isinstance(touching, ContactModel):
+        model = touching
+    else:
+        model = holding_model(assembly, contacts, touching, case, friction)
+    return asdict(state_result(assembly, model, contacts, case, friction))
+
+
+def tilt_row(compiled: Compiled, contacts: Sequence[Contact], azimuth: float) -> Row:
+    """Return the critical tilt of a compiled assembly towards one azimuth (rad)."""
+    return asdict(physical_tilt(compiled, contacts, azimuth))
+
+
+def detailed_tilt_row(
+    assembly: Assembly, contacts: Sequence[Contact], rays: Sequence[PairRays], azimuth: float, friction: float
+) -> Row:
+    """Return the same with contact points that are chosen for this azimuth."""
+    return asdict(detailed_tilt(assembly, contacts, rays, azimuth, friction))
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """Contact points of a large structure, to be chosen so that they hold its `state` before a part is placed."""
+
+    rays: Sequence[PairRays]
+    state: LoadCase
+
+
+def insertion_rows(
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    ask: Questions,
+    resting: ContactModel | Carried | None,
+    cone: InsertionCone,
+    clearance: float,
+    below: str,
+    tried: Sequence[Direction],
+    errors: Sequence[PlacingError],
+) -> Row:
+    """Return the insertions of one part in one scene: along the ways `tried`, and off their place by `errors`."""
+    if isinstance(resting, Carried):
+        resting = holding_model(assembly, contacts, resting.rays, resting.state, ask.friction)
+    ready = insertion_scene(
+        assembly,
+        contacts,
+        cone,
+        resting=resting,
+        clearance=clearance,
+        below=below,
+        friction=ask.friction,
+        hand=ask.hand,
+    )
+    results = [insert(ready, way, hand=ask.hand) for way in tried]
+    axis = next((w for w in tried if w.kind == "axis"), None)
+    if axis is not None:
+        results += [insert(ready, axis, error=e, hand=ask.hand) for e in errors]
+    return {"trials": [asdict(r) for r in results]}
