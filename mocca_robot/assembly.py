@@ -106,13 +106,16 @@ class Mesh:
 
     @cached_property
     def volume_moments(self) -> tuple[float, Array]:
-        """Return the volume (m³) and the centroid (3,), by the divergence theorem."""
+        """Return the volume (m³) and the centroid (3,), by the divergence theorem.
+
+        Without volume the centroid is the mean of the vertices.
+        """
         origin = self.vertices.mean(axis=0)
         a, b, c = (self.vertices[self.faces[:, k]] - origin for k in range(3))
         six_v = np.einsum("ij,ij->i", a, np.cross(b, c))
         volume = six_v.sum() / 6.0
         first = (six_v[:, None] * (a + b + c)).sum(axis=0) / 24.0
-        return float(volume), origin + first / volume
+        return float(volume), origin + first / volume if volume else origin
 
     @property
     def volume(self) -> float:

@@ -238,6 +238,15 @@ def test_an_unwritable_folder_is_said_before_the_work(slope: Path, tmp_path: Pat
     assert done.returncode == 2 and "written" in done.stderr and not done.stdout
 
 
+def test_a_folder_given_for_a_file_takes_the_file(slope: Path, tmp_path: Path) -> None:
+    there = tmp_path / "there"
+    there.mkdir()
+    assert main(["manual", str(slope), "-o", str(there)]) == 0
+    assert main(["sequence", str(slope), "--friction", "2", "-o", f"{tmp_path}/new/"]) == 0
+    assert (there / "manual.html").is_file() and (there / "bill.csv").is_file()
+    assert (tmp_path / "new" / "assembly.json").is_file()
+
+
 def test_piped_output_is_plain(slope: Path, tmp_path: Path) -> None:
     done = command("design", slope, "-o", tmp_path / "out", env={"FORCE_COLOR": "1"})
     assert "\x1b" not in done.stdout + done.stderr and not done.stderr

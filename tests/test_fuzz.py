@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from fuzzing import Case, cases, hostile, outcome
 
+pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 SECONDS = 20
 """Processor time that one input may take."""
 

@@ -37,7 +37,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Return 0 after writing the manual and the bill."""
     from mocca_robot.contacts import find_contacts, require_sound
-    from mocca_robot.files.output import safe_file_names, writable_folder, write_atomic
+    from mocca_robot.files.output import safe_file_names, target_file, write_atomic
     from mocca_robot.loads import state_cases
     from mocca_robot.report.bill import bill_csv
     from mocca_robot.report.manual import manual, write_manual
@@ -49,10 +49,9 @@ def run(args: argparse.Namespace) -> int:
         stored = stored_design(Path(args.input))
     assembly = config.assembly
     beside = stored.parent if stored else Path("out") / safe_file_names([assembly.name])[assembly.name]
-    target = Path(args.output) if args.output else beside / "manual.html"
+    target = target_file(args.output, beside / "manual.html")
     if target.suffix.lower() not in (".html", ".pdf"):
         raise InputError(f"'{target}' ends in '{target.suffix}'; a manual is a .html or a .pdf.")
-    writable_folder(target.parent)
     with console.stage("contacts"):
         report = find_contacts(assembly)
         require_sound(assembly, report)

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from mocca_robot.files.design_json import read_design
-    from mocca_robot.files.output import writable_folder
+    from mocca_robot.files.output import target_file
     from mocca_robot.ur.plan import write_plan
     from mocca_robot.ur.plan_reader import file_sha256
     from planners.robot.build_plan import build_plan
@@ -71,8 +71,7 @@ def run(args: argparse.Namespace) -> int:
         if not 0.0 < args.size <= 10.0:
             raise InputError(f"--size is {args.size:g}; give the longest side in metres, above 0 and at most 10.")
         cell = replace(cell, build_size_m=args.size)
-    target = Path(args.output) if args.output else source.with_name("plan.json")
-    writable_folder(target.parent)
+    target = target_file(args.output, source.with_name("plan.json"))
     names = [p.name for p in design.assembly.parts if not p.fixed]
     supports = names if args.supports == "all" else [n for n in args.supports.split(",") if n]
     with console.stage("plan") as doing:

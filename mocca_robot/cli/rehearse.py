@@ -38,7 +38,13 @@ def add(commands: Any) -> None:
         help="standard deviation of where parts wait in the tray (default 0)",
     )
     parser.add_argument("--seed", type=int, default=0, help="of that noise (default 0)")
-    parser.add_argument("--speed", type=float, default=1.0, metavar="X", help="play free motions X times as fast")
+    parser.add_argument(
+        "--speed",
+        type=float,
+        default=1.0,
+        metavar="X",
+        help="play free motions X times as fast; the hand then has to hold X² times the accelerations",
+    )
     parser.add_argument("--parts", type=int, metavar="N", help="only the first N parts of the plan")
     parser.add_argument("--film", type=Path, metavar="FILE", help="an .mp4, or else a folder of PNG frames")
     arguments.add_json(parser)

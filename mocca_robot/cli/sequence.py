@@ -36,6 +36,7 @@ def run(args: argparse.Namespace) -> int:
     """Return 0 when an order was found, 1 with the reason otherwise."""
     from mocca_robot.contacts import find_contacts, require_sound
     from mocca_robot.files.assembly_json import write_assembly
+    from mocca_robot.files.output import target_file
     from planners.order.sequence import find_sequence, reordered
 
     console = Console(args.json)
@@ -44,14 +45,15 @@ def run(args: argparse.Namespace) -> int:
     with console.stage("contacts"):
         report = find_contacts(config.assembly)
         require_sound(config.assembly, report)
+    target = None if args.output is None else target_file(args.output, Path("assembly.json"))
     with console.stage("sequence"):
         found = find_sequence(
             config.assembly, report.contacts, holders=args.holders, friction=config.friction, states=args.states
         )
     for line in lines(found):
         console.say(line)
-    if args.output is not None and found.placements:
-        path = write_assembly(reordered(config.assembly, [p.part for p in found.placements]), Path(args.output))
+    if target is not None and found.placements:
+        path = write_assembly(reordered(config.assembly, [p.part for p in found.placements]), target)
         console.say(f"written: {path}")
     console.say(console.times())
     return console.finish(0 if found.placements else 1, document(found))

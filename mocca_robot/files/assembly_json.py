@@ -28,8 +28,6 @@ from mocca_robot.files.rings import checked_polygon
 from mocca_robot.files.versions import ASSEMBLY
 
 MAX_PARTS = 5000
-LARGEST_M = 1e6
-"""Coordinates beyond a thousand kilometres leave a millimetre fewer digits than contacts need."""
 
 KEYS = ("format", "version", "units", "dimension", "name", "parts", "sequence", "goal", "alpha_deg", "gravity")
 PART_KEYS = ("name", "polygon", "holes", "thickness", "mesh", "density", "fixed")
@@ -101,7 +99,7 @@ def gravity_from_data(value: object, dimension: int, where: str) -> Array:
     if not isinstance(value, list):
         value = [0.0] * (dimension - 1) + [-fields.number(value, where, above=0.0)]
     gravity = fields.vector(value, where, (dimension,))
-    if not 0.0 < float(np.linalg.norm(gravity)) < 1e6:
+    if not 0.0 < float(np.abs(gravity).max()) < 1e6:
         raise InputError(f"{where} is {fields.shown(value)}; it needs a magnitude, for example 9.80665 m/s².")
     return gravity
 
@@ -179,7 +177,7 @@ def ring_from_data(data: object, where: str, unit_m: float) -> Array:
     if not isinstance(data, list):
         raise InputError(f"{where} must be a list of [x, y] points, not {fields.shown(data)}.")
     points = np.empty((len(data), 2))
-    limit = LARGEST_M / unit_m
+    limit = fields.LARGEST_M / unit_m
     for k, point in enumerate(data):
         if not isinstance(point, list) or len(point) != 2:
             raise InputError(f"{where}[{k}] must be a point [x, y], not {fields.shown(point)}.")

@@ -25,6 +25,8 @@ UNITS_M: Mapping[str, float] = {
 
 MAX_NAME = 100
 MAX_TEXT = 4000
+LARGEST_M = 1e6
+"""Coordinates and lengths beyond a thousand kilometres leave a millimetre fewer digits than contacts need."""
 
 
 def shown(value: object) -> str:
@@ -142,7 +144,10 @@ def choice(value: object, known: Sequence[str], where: str) -> str:
 
 
 def length(value: object, unit_m: float, where: str, low: float | None = 0.0, *, above: float | None = None) -> float:
-    """Return a length in metres from a number (in units of `unit_m`) or a text with a unit such as '3 mm'."""
+    """Return a length in metres from a number (in units of `unit_m`) or a text with a unit such as '3 mm'.
+
+    Raises InputError beyond `LARGEST_M`, too.
+    """
     if isinstance(value, str):
         amount, unit = value.strip().rstrip("abcdefghijklmnopqrstuvwxyz").strip(), ""
         unit = value.strip()[len(amount) :].strip()
@@ -153,7 +158,10 @@ def length(value: object, unit_m: float, where: str, low: float | None = 0.0, *,
             value = float(amount)
         except ValueError:
             raise InputError(f"{where} is {shown(value)}; write a number and a unit, as '3 mm' or '0.5 in'.") from None
-    return number(value, where, low, above=above) * unit_m
+    metres = number(value, where, low, above=above) * unit_m
+    if abs(metres) > LARGEST_M:
+        raise InputError(f"{where} is {metres:.3g} m; give at most {LARGEST_M:g} m.")
+    return metres
 
 
 def vector(value: object, where: str, sizes: Sequence[int] = (2, 3)) -> Array:

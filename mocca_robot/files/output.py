@@ -35,6 +35,18 @@ def writable_folder(path: str | Path) -> Path:
     return folder
 
 
+def target_file(asked: str | None, default: Path) -> Path:
+    """Return the file to write: `asked`, or `default`; where `asked` is a folder, the file of that name in it.
+
+    Call it before the work starts: its folder is created, and EnvironmentNeeded raised when it takes no files.
+    """
+    target = default if asked is None else Path(asked)
+    if asked is not None and (target.is_dir() or asked.endswith(("/", os.sep))):
+        target /= default.name
+    writable_folder(target.parent)
+    return target
+
+
 def write_atomic(path: Path, content: str | bytes) -> Path:
     """Return `path` after replacing it by `content` in one step: readers see the old file or the new one.
 

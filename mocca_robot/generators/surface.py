@@ -16,6 +16,9 @@ from scipy.sparse.linalg import spsolve
 from mocca_robot.assembly import Array, IntArray, Mesh
 from mocca_robot.errors import InputError
 
+FLATTEST = 1e-9
+"""Area of a polygon, relative to the squares of its edges, from which it has a normal."""
+
 
 @dataclass(frozen=True, eq=False)
 class Surface:
@@ -53,6 +56,9 @@ class Surface:
             a = ahead / np.linalg.norm(ahead, axis=1)[:, None]
             b = behind / np.linalg.norm(behind, axis=1)[:, None]
             mean = np.cross(corners - corners.mean(axis=0), ahead).sum(axis=0)
+            if not np.linalg.norm(mean) > FLATTEST * (ahead**2).sum():
+                where = ", ".join(f"{x:.4g}" for x in corners[0])
+                raise InputError(f"A polygon near ({where}) has no area; remove it or move its corners apart.")
             angle = np.arccos(np.clip(np.einsum("ij,ij->i", a, b), -1, 1))
             np.add.at(total, list(face), angle[:, None] * mean / np.linalg.norm(mean))
         length = np.linalg.norm(total, axis=1)
