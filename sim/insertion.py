@@ -83,7 +83,8 @@ def insert(
     far = float(reach(assembly)[part])
     offset, effective = grip_offset(assembly, direction.vector, error, far)
     travel = ready.travel(direction.vector, hand)
-    quick = (travel, max(1, hand.steps))
+    least = max(1, round(hand.steps * ready.finer))
+    quick = (travel, least)
     off = effective + ready.sunk
     if off == 0.0:
         return _driven(ready, direction, (quick,), offset, effective, hand)
@@ -93,7 +94,7 @@ def insert(
         found = _driven(ready, direction, (quick, (near, _steps(ready, near, speed))), offset, effective, hand)
         if found.succeeded:
             return found
-    slow = (travel, max(hand.steps, _steps(ready, travel, speed)))
+    slow = (travel, max(least, _steps(ready, travel, speed)))
     return _driven(ready, direction, (slow,), offset, effective, hand)
 
 
@@ -147,12 +148,15 @@ def _driven(
     failure: str | None = None
     step = 0
     mine = path.body if ready.below == "free" else None
+    gentle, below = (ready.gentle_steps(hand), ready.below_dof) if ready.below == "free" else (0, None)
     # Views into `data`: asking for them anew after every step takes longer than a step of a small structure.
     pushed, where, iterations, most = data.qfrc_constraint, data.qpos, data.solver_niter, model.opt.iterations
     if start_overlap <= hand.penetration * size:
         for step in range(1, path.steps + 1):
             data.ctrl[:] = path.commands[step]
             mujoco.mj_step(model, data)
+            if step <= gentle:
+                data.qvel[below] = 0.0
             force = max(force, float(np.linalg.norm(pushed[path.dof] * weights)))
             depth = max(depth, _penetration(data, mine))
             deviation = max(deviation, path.deviation(where, step, far))

@@ -7,21 +7,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, BoolArray
+from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray
 from mocca_robot.contacts import Contact
 from sim.contact_model import ContactModel, facets, pieces
 from sim.directions import InsertionCone
 from sim.flat_pieces import flat_pieces
 from sim.hand import HAND, HandOptions, HandPath
 from sim.motion import LOOK, displacement_and_speed, reach
-from sim.scene import Compiled, Hand, Scene, compile_scene
+from sim.scene import Compiled, Hand, Scene, compile_scene, with_timestep
 from sim.settings import settings_for
 from sim.solid_pieces import solid_pieces
+from sim.stability import LIMITS
 
 SETTLING_STEPS = 200
 """At most, for what is left free to sink into its contacts; the igloo's 126 parts rest after 40."""
 RESTS = 1e-6
 """Sizes per second below which what sank rests."""
+FINER = (1.0, 3.0, 10.0)
+"""Divisors of the settings' step to try until what is left free keeps its place: at its limit it creeps with the first,
+because contacts give in proportion to the step's square."""
+KEEPS, SLOW = 1e-3, 2e-3
+"""Displacement (sizes) and speed (sizes per second) up to which a free part counts as keeping its place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +42,7 @@ class InsertionScene:
         travel_points: (P, d) contact points that the part has to clear.
         sunk: metres that any point of the part's neighbours sinks before it arrives, because contacts give: it meets
             them by so much off their places. 0 when they are held.
+        finer: divisor of the settings' step with which all free parts keep their places; see `FINER`.
     """
 
     compiled: Compiled
@@ -44,6 +51,17 @@ class InsertionScene:
     below: str
     travel_points: tuple[Array, ...]
     sunk: float = 0.0
+    finer: float = 1.0
+
+    @property
+    def below_dof(self) -> IntArray:
+        """Return (F·dof,) the indices of the velocities of all parts but the driven one."""
+        return np.asarray(self.compiled.dof[self.compiled.parts != self.cone.part].ravel())
+
+    def gentle_steps(self, hand: HandOptions = HAND) -> int:
+        """Return for how many steps the free parts are let go gently; see `sim.motion.run`."""
+        in_time = round(LIMITS.gentle_s / float(self.compiled.model.opt.timestep))
+        return min(in_time, round(hand.steps * self.finer) // 5)
 
     def travel(self, way: Array, hand: HandOptions = HAND) -> float:
         """Return how far before its seat the part clears what it will touch, at most 1.5 sizes, and the lead."""
@@ -88,32 +106,52 @@ def insertion_scene(
     )
     points = (np.concatenate(polygons),) if polygons else ()
     ready = InsertionScene(compile_scene(scene), cone, clearance, below, points)
-    return ready if below == "held" else replace(ready, sunk=_sunk(ready, {c.parts[0] for c in mine}, hand))
+    return ready if below == "held" else _settled(ready, {c.parts[0] for c in mine}, hand)
 
 
-def _sunk(ready: InsertionScene, neighbours: set[int], hand: HandOptions) -> float:
-    """Return how far the free ones among these parts sink while the hand waits at the start of the cone's axis."""
+def _settled(ready: InsertionScene, neighbours: set[int], hand: HandOptions) -> InsertionScene:
+    """Return the scene with the step that its free parts need to keep their places, and how far the neighbours sink."""
+    first = ready.compiled
+    for divisor in FINER:
+        settings = first.scene.settings
+        compiled = with_timestep(first, settings.timestep / divisor) if divisor > 1.0 else first
+        ready = replace(ready, compiled=compiled, finer=divisor)
+        sunk, speed = _left_alone(ready, hand)
+        if (sunk <= KEEPS).all() and (speed <= SLOW).all():
+            break
+    size = 2.0 * reach(first.scene.assembly)[first.parts]
+    met = np.isin(first.parts, list(neighbours))
+    return replace(ready, sunk=float((sunk * size)[met].max(initial=0.0)))
+
+
+def _left_alone(ready: InsertionScene, hand: HandOptions) -> tuple[Array, Array]:
+    """Return (F,) how far (sizes) the free parts sink while the hand waits, and how fast (sizes/s) they then move.
+
+    The hand is where the way along the cone's axis starts; its part counts as resting.
+    """
     import mujoco
 
-    compiled, part, way = ready.compiled, ready.cone.part, ready.cone.axis
-    met = np.isin(compiled.parts, list(neighbours))
-    if not met.any():
-        return 0.0
+    compiled, way = ready.compiled, ready.cone.axis
     far = reach(compiled.scene.assembly)[compiled.parts]
+    below = compiled.parts != ready.cone.part
     offset = np.zeros(compiled.dof.shape[1])
-    path = HandPath(compiled.model, compiled, part, way, ((ready.travel(way, hand), SETTLING_STEPS),), offset)
+    path = HandPath(compiled.model, compiled, ready.cone.part, way, ((ready.travel(way, hand), 1),), offset)
     data = mujoco.MjData(compiled.model)
     path.place(data)
     mujoco.mj_forward(compiled.model, data)
     start = data.qpos.copy()
     data.ctrl[:] = path.commands[0]
-    sunk = np.zeros(len(far))
-    for _ in range(SETTLING_STEPS // LOOK):
+    for _ in range(ready.gentle_steps(hand)):
+        mujoco.mj_step(compiled.model, data)
+        data.qvel[ready.below_dof] = 0.0
+    for _ in range(round(SETTLING_STEPS * ready.finer) // LOOK):
         mujoco.mj_step(compiled.model, data, LOOK)
-        sunk, speed = displacement_and_speed(compiled, data, start, far)
-        if (speed[met] <= RESTS * 2.0 * far[met]).all():
+        sunk, speed = (
+            np.where(below, x / (2.0 * far), 0.0) for x in displacement_and_speed(compiled, data, start, far)
+        )
+        if (speed <= RESTS).all():
             break
-    return float(sunk[met].max())
+    return sunk, speed
 
 
 def _nearby(assembly: Assembly, part: int, present: BoolArray) -> BoolArray:

@@ -89,12 +89,24 @@ def test_a_seat_that_sinks_is_met_gently_and_held_ones_do_not_sink():
     assembly, contacts = jointed(stack(3))
     cone = insertion_cone(assembly, contacts, 3)
     free, held = (insertion_scene(assembly, contacts, cone, below=b) for b in ("free", "held"))
-    assert held.sunk == 0.0
+    assert held.sunk == 0.0 and held.finer == free.finer == 1.0
     assert 0.0 < free.sunk < 1e-3 * np.ptp(assembly.parts[3].shape.bounds, axis=0).max()
     axis = directions(cone, 1)[0]
     resting, moving = insert(held, axis), insert(free, axis)
     assert moving.allowed_force > resting.allowed_force
     assert moving.peak_force < resting.allowed_force, "what the seat sinks by must not turn into a blow"
+
+
+def test_what_does_not_keep_its_place_gets_a_finer_step(monkeypatch):
+    assembly, contacts = jointed(stack(3))
+    cone = insertion_cone(assembly, contacts, 3)
+    coarse = insertion_scene(assembly, contacts, cone, below="free")
+    monkeypatch.setattr(
+        "sim.insertion_scene.KEEPS", 0.5 * coarse.sunk / np.ptp(assembly.parts[3].shape.bounds, axis=0).max()
+    )
+    fine = insertion_scene(assembly, contacts, cone, below="free")
+    assert fine.finer > 1.0 and fine.sunk < 0.5 * coarse.sunk
+    assert insert(fine, directions(cone, 1)[0]).succeeded
 
 
 def test_a_part_driven_from_outside_pushes_free_parts_away():
