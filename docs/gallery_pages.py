@@ -153,23 +153,19 @@ def table(f: dict[str, Any], article: float) -> list[str]:
         ("equilibrium", f"E {f['e_before']:.2g} before, {after} after ({f['cases']} {cases})"),
         ("insertion", f"tightest is `{f['tightest']['part']}`, ±{f['tightest']['deg']:.1f}°"),
     ]
-    physics = f.get("physics")
+    physics = f["physics"]
     if f["name"] != "sphere":
-        measured = f"; MuJoCo {physics['tilt_deg']:.1f}°" if physics and physics["tilt_deg"] is not None else ""
+        measured = "" if physics["tilt_deg"] is None else f"; MuJoCo {physics['tilt_deg']:.1f}°"
         tilt = f["tilt_deg"]
         rows.append(("critical tilt", f"{tilt['before']:.1f}° before, {tilt['after']:.1f}° after by statics{measured}"))
-    if physics:
-        inside, outside = physics["inside"], physics["outside"]
-        rows.append(
-            (
-                "MuJoCo",
-                f"{physics['agree']} of {physics['states']} states as statics says; {inside[0]} of {inside[1]} "
-                f"insertions inside the cones succeed, {outside[0]} of {outside[1]} outside ({physics['engine']})",
-            )
+    inside, outside = physics["inside"], physics["outside"]
+    rows.append(
+        (
+            "MuJoCo",
+            f"{physics['agree']} of {physics['states']} states as statics says; {inside[0]} of {inside[1]} "
+            f"insertions inside the cones succeed, {outside[0]} of {outside[1]} outside ({physics['engine']})",
         )
-    elif f.get("finished"):  # kept from runs that asked physics about the finished structure only
-        told = f["finished"]
-        rows.append(("MuJoCo", f"finished, let go: {told['verdict']}, {told['reason']} ({told['engine']})"))
+    )
     rows.append(("design", f"{seconds(f['seconds']['total'])}; the article's {minutes(article)} on 64 cores"))
     return ["| | |", "|---|---|", *(f"| {key} | {value} |" for key, value in rows)]
 

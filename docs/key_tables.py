@@ -66,22 +66,27 @@ def _cell(text: str) -> str:
     return re.sub(r"\s+", " ", text).strip().replace("|", "\\|").replace("<", "&lt;")
 
 
-def schema(keys: Sequence[Key], title: str, description: str) -> dict[str, Any]:
-    """Return the JSON Schema of a whole file."""
-    return {"$schema": DIALECT, "title": title, "description": description, **mapping_rule(keys, "")}
+def schema(keys: Sequence[Key], title: str, description: str, *, empty: bool = False) -> dict[str, Any]:
+    """Return the JSON Schema of a whole file; see `mapping_rule`."""
+    return {"$schema": DIALECT, "title": title, "description": description, **mapping_rule(keys, "", empty=empty)}
 
 
-def mapping_rule(keys: Sequence[Key], prefix: str) -> dict[str, Any]:
-    """Return the rule of one section: its keys and no others, each with its rule; sections inside it likewise."""
+def mapping_rule(keys: Sequence[Key], prefix: str, *, empty: bool = False) -> dict[str, Any]:
+    """Return the rule of one section: its keys and no others, each with its rule; sections inside it likewise.
+
+    With `empty`, keys that may be left out may be left empty, too.
+    """
     inside = section(keys, prefix)
     rules = {}
     for name, key in inside.items():
         rules[name] = {"description": f"{key.description} Unit: {key.unit}." if key.unit else key.description}
         inner = f"{prefix}.{name}" if prefix else name
         if key.kind == "mapping" and section(keys, inner):
-            rules[name] |= mapping_rule(keys, inner)
+            rules[name] |= mapping_rule(keys, inner, empty=empty)
         elif key.kind == "mapping" and section(keys, f"{inner}.NAME"):
-            rules[name] |= {"type": "object", "additionalProperties": mapping_rule(keys, f"{inner}.NAME")}
+            rules[name] |= {"type": "object", "additionalProperties": mapping_rule(keys, f"{inner}.NAME", empty=empty)}
+        elif empty and not key.required:
+            rules[name] |= {"anyOf": [_rule(key), {"type": "null"}]}
         else:
             rules[name] |= _rule(key)
     required = [name for name, key in inside.items() if key.required]
@@ -143,11 +148,12 @@ def cell_schema() -> dict[str, Any]:
         (*CELL_KEYS, *LIMIT_KEYS),
         "mocca-robot cell",
         "A YAML file that describes a robot cell; reading it checks more than this schema can say.",
+        empty=True,
     )
     found["properties"]["gripper"] |= {
         "if": {"properties": {"kind": {"const": "suction"}}, "required": ["kind"]},
-        "then": mapping_rule(GRIPPER_KEYS["suction"], "gripper"),
-        "else": mapping_rule(GRIPPER_KEYS["parallel"], "gripper"),
+        "then": mapping_rule(GRIPPER_KEYS["suction"], "gripper", empty=True),
+        "else": mapping_rule(GRIPPER_KEYS["parallel"], "gripper", empty=True),
     }
     return found
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -22,6 +23,9 @@ SEEN = 0.01
 """Displacement, relative to the part, at which a fall shows which contacts open."""
 OPEN = 0.02
 """A contact opens when its gap grows by more than this share of the fastest relative motion at any contact."""
+PRESSED = 0.25
+"""Share of its samples in which a fall has to bring two parts together for them to press on each other: what slides
+hops, because MuJoCo's friction lifts it."""
 
 
 def cause(
@@ -31,8 +35,8 @@ def cause(
 
     'soft contacts': a much finer step, with contacts stiffer by its square, gives another verdict.
     'friction': statics holds the parts only with forces that their fall does not bring about: in contacts that it
-    opens, or with friction that does not oppose its sliding. Coulomb's law allows them at rest (parts that clamp each
-    other), nothing makes them: statics bounds the tilt from above.
+    opens, between parts that it does not press together, or with friction that does not oppose its sliding. Coulomb's
+    law allows them at rest (parts that clamp each other), nothing makes them: statics bounds the tilt from above.
     'history': let go at once, or more gently, it ends otherwise; friction forces depend on how they build up.
     'none found' else.
     """
@@ -52,11 +56,14 @@ def cause(
             tried += "; finer ones would take hours"
     if found.verdict is Verdict.FELL and settings.friction > 0.0:
         opened, rays = coulomb_rays(assembly, contacts, found.motion, settings.friction)
+        told = f"{NOT_MADE}: {tried}; statics, too, lets it fall with the forces that go with this fall"
         if not _holds(assembly, contacts, case, rays):
-            return (
-                f"{NOT_MADE}: {tried}; statics, too, lets it fall with the forces that go with this "
-                f"fall ({opened} of {len(rays)} contact points open)"
-            )
+            return f"{told} ({opened} of {len(rays)} contact points open)"
+        pressed = pressed_pairs(tilted, found.motion)
+        kept = [(pair, point, d if pair in pressed else d[:0]) for pair, point, d in rays]
+        if not _holds(assembly, contacts, case, kept):
+            pairs = {pair for pair, _, _ in rays}
+            return f"{told} ({len(pairs - pressed)} of {len(pairs)} pairs of parts are not pressed together)"
     for gentle in (0.0, 0.4):
         other = judged(tilted, replace(LIMITS, gentle_s=gentle)).verdict
         if other not in (found.verdict, Verdict.FAILED):
@@ -70,7 +77,8 @@ def coulomb_rays(
     """Return how many contact points a fall opens, and the forces that go with it.
 
     The forces are one entry per contact point: pair of parts, point (d,), directions (k, d) whose cone the force lies
-    in: none where the fall opens it, one that opposes the sliding where it slides, the friction cone where it sticks.
+    in: none where the fall opens it, the friction cone where it sticks, and what lies between the normal and full
+    friction against the sliding where it slides: what falls with less than full friction falls all the more.
     """
     pairs, points, normals = contact_rays(contacts)
     relative = _relative_motion(assembly, pairs, points, motion)
@@ -84,11 +92,36 @@ def coulomb_rays(
             directions = np.zeros((0, len(normal)))
             opened += 1
         elif speed > OPEN * fastest:
-            directions = (normal - friction * slide / speed)[None]
+            directions = np.stack([normal, normal - friction * slide / speed])
         else:
             directions = normal + friction * _around(normal)
         out.append(((int(pair[0]), int(pair[1])), point, directions))
     return opened, out
+
+
+def pressed_pairs(compiled: Compiled, motion: Motion) -> set[tuple[int, int]]:
+    """Return which pairs of parts a fall keeps together, from when they are let go until it is seen."""
+    import mujoco
+
+    model, data = compiled.model, mujoco.MjData(compiled.model)
+    last = _seen(compiled.scene.assembly, motion)
+    samples = [k for k in range(last + 1) if motion.times[k] > LIMITS.gentle_s] or [last]
+    index = {p.name: k for k, p in enumerate(compiled.scene.assembly.parts)}
+    part_of = np.array([index.get(model.body(b).name, -1) for b in range(model.nbody)])
+    found: Counter[tuple[int, int]] = Counter()
+    for k in samples:
+        data.qpos[compiled.qpos] = motion.poses[k]
+        mujoco.mj_forward(model, data)
+        touching = np.sort(part_of[model.geom_bodyid[data.contact.geom]], axis=1)
+        found.update({(int(a), int(b)) for a, b in touching})
+    return {pair for pair, count in found.items() if count >= PRESSED * len(samples)}
+
+
+def _seen(assembly: Assembly, motion: Motion) -> int:
+    """Return the first sample in which a part has clearly moved; the last one if none has."""
+    size = np.array([np.ptp(p.shape.bounds, axis=0).max() for p in assembly.parts])[motion.parts]
+    seen = (motion.displacement > SEEN * size).any(axis=1)
+    return int(np.argmax(seen)) if seen.any() else len(motion.times) - 1
 
 
 def _around(normal: Array, count: int = 16) -> Array:
@@ -104,9 +137,7 @@ def _around(normal: Array, count: int = 16) -> Array:
 
 def _relative_motion(assembly: Assembly, pairs: IntArray, points: Array, motion: Motion) -> Array:
     """Return how far each contact point of the later part has gone from that of the earlier one, once clearly."""
-    size = np.array([np.ptp(p.shape.bounds, axis=0).max() for p in assembly.parts])[motion.parts]
-    seen = (motion.displacement > SEEN * size).any(axis=1)
-    sample = int(np.argmax(seen)) if seen.any() else len(motion.times) - 1
+    sample = _seen(assembly, motion)
     moved = {int(p): _displaced(assembly, int(p), motion.poses[sample][k]) for k, p in enumerate(motion.parts)}
     still = (np.eye(assembly.dimension), np.zeros(assembly.dimension))
     travel = np.zeros((2, *points.shape))

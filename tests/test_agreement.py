@@ -1,13 +1,16 @@
 """Statics and MuJoCo give the same verdicts just below and just above the critical tilt of random assemblies."""
 
+import numpy as np
 import pytest
-from physics_models import tongue
+from physics_models import stack, tongue
 
 from benchmarks.agreement import Comparison, Probe, random_case
 from mocca_robot.contacts import find_contacts
+from mocca_robot.loads import tilted_gravity
 from mocca_robot.verify import case_at
 from sim.contact_model import contact_model
 from sim.disagreement import cause
+from sim.scene import with_gravity
 from sim.stability import Limits, Verdict, judged
 from sim.tilt import tilt_scene
 
@@ -40,6 +43,20 @@ def test_contacts_that_are_too_soft_are_found_to_be_the_cause() -> None:
     soft = judged(scene, Limits(finer=()))
     assert soft.verdict is Verdict.FELL
     assert cause(assembly, contacts, case_at(assembly, 0.0, 0.0), scene, soft).startswith("soft contacts: stands")
+
+
+def test_a_fall_of_parts_that_press_on_each_other_is_not_excused() -> None:
+    """A stack slides because MuJoCo has been given a third of the friction: no clamping could be blamed for that."""
+    assembly = stack(3)
+    contacts = find_contacts(assembly).contacts
+    tilt = np.arctan(0.2)
+    scene = with_gravity(
+        tilt_scene(assembly, contact_model(assembly, contacts, 0.3), 0.3), tilted_gravity(assembly.gravity, tilt, 0.0)
+    )
+    scene.model.pair_friction[:, :2] = 0.1
+    fell = judged(scene, Limits(finer=()))
+    assert fell.verdict is Verdict.FELL
+    assert cause(assembly, contacts, case_at(assembly, tilt, 0.0), scene, fell).startswith("none found")
 
 
 def test_friction_that_only_clamping_would_make_is_found_to_be_the_cause() -> None:

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from benchmarks.random_assemblies import KINDS, random_assembly
-from mocca_robot.assembly import Assembly, Interlocking, Lateral, Part, Polygon
+from mocca_robot.assembly import Assembly, Equilibrium, Interlocking, Lateral, Part, Polygon
 from mocca_robot.contacts import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.files.config import load
@@ -185,6 +185,18 @@ def test_a_drawing_with_few_digits_gets_its_reserves_too() -> None:
     exact, rounded = design(assembly), design(assembly.with_shapes(shapes))
     assert exact.achieved and rounded.achieved
     assert rounded.margin_rad == exact.margin_rad > 0.0
+
+
+def test_a_bed_that_is_drawn_to_a_micrometre_is_designed() -> None:
+    """The segment that two outlines share, cut from rounded corners, is not exactly across the contact's normal."""
+    mm = {
+        "ground": [[0, -20], [200, -20], [200, 0], [0, 0]],
+        "wedge": [[40, 0], [160, 0], [160, 40], [40, 20]],
+        "block": [[60, 23.333], [140, 36.667], [140, 70], [60, 60]],
+    }
+    parts = tuple(Part(n, Polygon(np.array(p) * 1e-3), fixed=n == "ground") for n, p in mm.items())
+    outcome = design(Assembly("rounded", parts, goals=(Equilibrium(),), alpha_rad=np.deg2rad(5.0)))
+    assert outcome.achieved and len(outcome.design.joints) == 2
 
 
 @pytest.mark.parametrize("seed", [1, 4])

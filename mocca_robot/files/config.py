@@ -203,7 +203,10 @@ def _parts(parts: tuple[Part, ...], given: Mapping[str, Any], where: str, unit_m
 
 def _require_fixed(parts: tuple[Part, ...], where: str) -> None:
     if all(p.fixed for p in parts):
-        raise InputError(f"{where}: every part is fixed; leave at least one free to be assembled.")
+        raise InputError(
+            f"{where}: every part is fixed; leave at least one free to be assembled "
+            "(`fixed: [NAME, …]` says which stand on the ground; rods of a frame that reach its lowest nodes do)."
+        )
     if any(p.fixed for p in parts):
         return
     lowest = np.array([p.shape.bounds[0, -1] for p in parts])

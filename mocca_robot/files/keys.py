@@ -108,11 +108,11 @@ def read_whole(keys: Sequence[Key], data: object, prefix: str, where: str, examp
     """
     known = section(keys, prefix)
     given = checks.mapping(data, where, known)
+    if missing := [f"'{name}'" for name, key in known.items() if key.required and given.get(name) is None]:
+        raise InputError(f"{where} has no {', '.join(missing)}; compare it with {example}.")
     found = {}
     for name, key in known.items():
         value = given.get(name)
-        if value is None and key.required:
-            raise InputError(f"{where} has no '{name}'; compare it with {example}.")
         value = key.default if value is None else value
         found[name] = None if value is None else key.value(value, f"{where}.{name}" if prefix else f"{where}: {name}")
     return found

@@ -166,7 +166,9 @@ class Shapes2D:
         """
         ends, span = self.segments, self.segments[:, 1] - self.segments[:, 0]
         points, normals, prices = [ends[:, 0], ends[:, 1]], [self.normals] * 2, [np.zeros(len(span))] * 2
-        tangents = span / self.lengths[:, None]
+        # Across the normal, not along the segment: rounded drawings turn one against the other by a little.
+        tangents = np.stack([self.normals[:, 1], -self.normals[:, 0]], axis=1)
+        tangents *= np.sign(np.einsum("ij,ij->i", tangents, span))[:, None]
         for position in (0.3, 0.7):
             for slope in (np.deg2rad(25.0), np.deg2rad(50.0)):
                 for side in (1.0, -1.0):
