@@ -187,6 +187,20 @@ def test_a_drawing_with_few_digits_gets_its_reserves_too() -> None:
     assert rounded.margin_rad == exact.margin_rad > 0.0
 
 
+def test_an_arch_closes_although_its_haunches_bar_the_widest_ways_in() -> None:
+    """The cone with most room at the last haunch but one just clears the haunch across, until it has joints."""
+    outer, inner, count = 0.12, 0.095, 9
+    base = Polygon(np.array([[-0.13, -0.01], [0.13, -0.01], [0.13, 0.0], [-0.13, 0.0]]))
+    parts = [Part("base", base, fixed=True)]
+    for k in (0, 8, 7, 1, 2, 6, 3, 5, 4):
+        a, b = np.pi * k / count, np.pi * (k + 1) / count
+        ring = [r * np.array([np.cos(t), np.sin(t)]) for r, t in ((inner, a), (outer, a), (outer, b), (inner, b))]
+        parts.append(Part(f"v{k}", Polygon(np.round(ring, 5))))
+    outcome = design(Assembly("arch", tuple(parts), goals=(Equilibrium(),), alpha_rad=np.deg2rad(5.0)))
+    assert outcome.achieved
+    assert verify(outcome.design.assembly).stands
+
+
 def test_a_bed_that_is_drawn_to_a_micrometre_is_designed() -> None:
     """The segment that two outlines share, cut from rounded corners, is not exactly across the contact's normal."""
     mm = {

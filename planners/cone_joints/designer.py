@@ -18,7 +18,7 @@ from mocca_robot.joints.options import JointOptions
 from mocca_robot.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
 from mocca_robot.parts_graph import PartMotion, part_motions
 from mocca_robot.statics.threads import with_one_blas_thread
-from mocca_robot.ways_out import free_half_angle, insertion_rim, sweep_blockers, ways_out
+from mocca_robot.ways_out import first_free, free_half_angle, spread_directions, ways_out
 from planners.cone_joints.descent import evaluate
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.kinematic import Impossible, bound
@@ -254,14 +254,21 @@ def _free_cone(built: Assembly, part: int, motion: PartMotion, way: Array) -> fl
 
 def _confirmed_way(built: Assembly, part: int, motion: PartMotion, designed: Array) -> Array:
     """Return the way out that a part is inserted along: the widest cone's axis if a sweep confirms it, else the
-    designed one. In 3D the designed one, which was found by sweeps and has kept its cone since."""
+    designed one, or another where joints have made the part a little larger than its way was wide. In 3D the designed
+    one, which was found by sweeps and has kept its cone since."""
     if built.dimension == 3:
         return designed
     alpha = built.alpha_rad or 0.0
     if not len(motion.normals) or motion.alpha_rad < alpha:
         return designed
-    clear = not sweep_blockers(built, part, insertion_rim(motion.axis, alpha))
-    return motion.axis if clear or _room(motion, designed) < alpha - 1e-9 else designed
+    usable = [motion.axis] if _room(motion, designed) < alpha - 1e-9 else [motion.axis, designed]
+    way = first_free(built, part, usable)
+    if way is None:
+        spread = spread_directions(2, 360)
+        room = (spread @ motion.normals.T).min(axis=1)
+        order = np.argsort(-room, kind="stable")
+        way = first_free(built, part, spread[order[room[order] >= np.sin(alpha)]])
+    return usable[-1] if way is None else way
 
 
 def _narrow_parts(
