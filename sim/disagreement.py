@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -15,17 +14,21 @@ from mocca_robot.loads import LoadCase
 from mocca_robot.report.findings import NOT_MADE
 from mocca_robot.statics import Status
 from mocca_robot.verify import solve_rays
-from sim.motion import Motion
+from sim.motion import Motion, displacement_and_speed, reach
 from sim.scene import Compiled, with_timestep
+from sim.settings import SLIDING_STEPS
 from sim.stability import LIMITS, StabilityReport, Verdict, contact_points, judged
 
 SEEN = 0.01
 """Displacement, relative to the part, at which a fall shows which contacts open."""
-OPEN = 0.02
-"""A contact opens when its gap grows by more than this share of the fastest relative motion at any contact."""
-PRESSED = 0.25
-"""Share of its samples in which a fall has to bring two parts together for them to press on each other: what slides
-hops, because MuJoCo's friction lifts it."""
+OPEN = 0.005
+"""A contact opens, or slides, by more than this share of the fastest relative motion at any contact: micrometres when a
+fall is seen, where contacts that stay closed give by nanometres."""
+PRESSED = 0.01
+"""Share of the lighter part's weight with which two parts have to press on each other, on average over a fall, for
+friction between them to come of it."""
+EVERY = 5
+"""Steps between two looks at forces."""
 
 
 def cause(
@@ -45,13 +48,13 @@ def cause(
     if finest > 1.01 * settings.timestep / LIMITS.finest:
         if contact_points(tilted) <= LIMITS.finest_points:
             finest = settings.timestep / LIMITS.finest
-            stiff = judged(with_timestep(tilted, finest), replace(LIMITS, finer=())).verdict
-            if stiff not in (found.verdict, Verdict.FAILED):
-                return f"soft contacts: {stiff} with a step of {finest * 1e6:.3g} µs"
-            if stiff is Verdict.FAILED:
+            stiff = judged(with_timestep(tilted, finest), replace(LIMITS, finer=()))
+            if stiff.verdict not in (found.verdict, Verdict.FAILED):
+                return f"soft contacts: {stiff.verdict} with a step of {finest * 1e6:.3g} µs"
+            if stiff.verdict is Verdict.FAILED:
                 tried += f"; no verdict with {finest * 1e6:.3g} µs"
             else:
-                tried = f"{stiff} with a step of {finest * 1e6:.3g} µs, too"
+                found, tried = stiff, f"{stiff.verdict} with a step of {finest * 1e6:.3g} µs, too"
         else:
             tried += "; finer ones would take hours"
     if found.verdict is Verdict.FELL and settings.friction > 0.0:
@@ -59,7 +62,7 @@ def cause(
         told = f"{NOT_MADE}: {tried}; statics, too, lets it fall with the forces that go with this fall"
         if not _holds(assembly, contacts, case, rays):
             return f"{told} ({opened} of {len(rays)} contact points open)"
-        pressed = pressed_pairs(tilted, found.motion)
+        pressed = pressed_pairs(with_timestep(tilted, settings.timestep / LIMITS.finer[0], SLIDING_STEPS))
         kept = [(pair, point, d if pair in pressed else d[:0]) for pair, point, d in rays]
         if not _holds(assembly, contacts, case, kept):
             pairs = {pair for pair, _, _ in rays}
@@ -99,22 +102,34 @@ def coulomb_rays(
     return opened, out
 
 
-def pressed_pairs(compiled: Compiled, motion: Motion) -> set[tuple[int, int]]:
-    """Return which pairs of parts a fall keeps together, from when they are let go until it is seen."""
+def pressed_pairs(compiled: Compiled) -> set[tuple[int, int]]:
+    """Return which pairs of parts press on each other while a scene falls: by `PRESSED` of a weight on average.
+
+    What slides hops, because MuJoCo's friction lifts it, so that single moments would not tell.
+    """
     import mujoco
 
-    model, data = compiled.model, mujoco.MjData(compiled.model)
-    last = _seen(compiled.scene.assembly, motion)
-    samples = [k for k in range(last + 1) if motion.times[k] > LIMITS.gentle_s] or [last]
-    index = {p.name: k for k, p in enumerate(compiled.scene.assembly.parts)}
-    part_of = np.array([index.get(model.body(b).name, -1) for b in range(model.nbody)])
-    found: Counter[tuple[int, int]] = Counter()
-    for k in samples:
-        data.qpos[compiled.qpos] = motion.poses[k]
-        mujoco.mj_forward(model, data)
-        touching = np.sort(part_of[model.geom_bodyid[data.contact.geom]], axis=1)
-        found.update({(int(a), int(b)) for a, b in touching})
-    return {pair for pair, count in found.items() if count >= PRESSED * len(samples)}
+    scene, model, data = compiled.scene, compiled.model, mujoco.MjData(compiled.model)
+    names = {p.name: k for k, p in enumerate(scene.assembly.parts)}
+    part_of = np.array([names.get(model.body(b).name, -1) for b in range(model.nbody)])
+    far = reach(scene.assembly)[compiled.parts]
+    mujoco.mj_forward(model, data)
+    start, force, samples = data.qpos.copy(), np.zeros((len(names) + 1, len(names) + 1)), 0
+    gentle = round(LIMITS.gentle_s / model.opt.timestep)
+    for step in range(gentle + round(LIMITS.first_look_s / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        if step < gentle:
+            data.qvel[:] = 0.0
+        elif step % EVERY == 0:
+            first, second = np.sort(part_of[model.geom_bodyid[data.contact.geom]], axis=1).T
+            carries = data.contact.efc_address >= 0
+            np.add.at(force, (first[carries], second[carries]), data.efc_force[data.contact.efc_address[carries]])
+            samples += 1
+            if (displacement_and_speed(compiled, data, start, far)[0] > SEEN * 2.0 * far).any():
+                break
+    weight = np.array([p.mass for p in scene.assembly.parts]) * float(np.linalg.norm(scene.gravity))
+    lighter = np.minimum.outer(weight, weight)
+    return {(int(i), int(j)) for i, j in np.argwhere(force[:-1, :-1] >= PRESSED * samples * lighter)}
 
 
 def _seen(assembly: Assembly, motion: Motion) -> int:
