@@ -29,6 +29,8 @@ GENTLE = 0.8
 """Share of the force allowed for meeting a neighbour that the speed of a part gripped off its place may use up."""
 NEAR = 2.0
 """Errors of the grip, over the sine of the cone's half-angle: from there on to its seat a part may meet neighbours."""
+LAST_STRETCH = 0.4
+"""Share of the hand's steps for the last stretch of a way, all that is gone among free neighbours."""
 
 
 @dataclass(frozen=True)
@@ -84,12 +86,15 @@ def insert(
     offset, effective = grip_offset(assembly, direction.vector, error, far)
     travel = ready.travel(direction.vector, hand)
     least = max(1, round(hand.steps * ready.finer))
-    quick = (travel, least)
     off = effective + ready.sunk
+    near = NEAR * off / max(np.sin(ready.cone.realised_rad), 1e-3)
+    if ready.below == "free":
+        # Further out it meets the same neighbours, in the same places, as with all of them held.
+        travel, least = min(travel, near + hand.lead * 2.0 * far), max(1, round(LAST_STRETCH * least))
+    quick = (travel, least)
     if off == 0.0:
         return _driven(ready, direction, (quick,), offset, effective, hand)
     speed = _gentle_speed(ready, off, hand)
-    near = NEAR * off / max(np.sin(ready.cone.realised_rad), 1e-3)
     if near < 0.5 * travel:
         found = _driven(ready, direction, (quick, (near, _steps(ready, near, speed))), offset, effective, hand)
         if found.succeeded:

@@ -32,7 +32,7 @@ from sim.tilt import TiltReport, azimuths, tilt_scene
 from sim.trial_rows import Carried, detailed_tilt_row, insertion_rows, state_row, tilt_row
 from sim.trial_store import Row, Trial, TrialStore, run_trials
 
-METHOD = {"state": 11, "tilt": 11, "insert": 13, "robust": 13}
+METHOD = {"state": 11, "tilt": 11, "insert": 14, "robust": 14}
 """Raise what a trial's verdict is reached by in another way: trials kept from before then run again."""
 MANY_INSERTIONS = 60
 """About how many insertions make up for starting processes: each step of theirs runs Python, which threads share."""
