@@ -11,7 +11,6 @@ from mocca_robot.assembly import Array, Assembly, IntArray
 from mocca_robot.contacts import Contact
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.loads import LoadCase
-from mocca_robot.report.findings import NOT_MADE
 from mocca_robot.statics import Status
 from mocca_robot.verify import solve_rays
 from sim.motion import Motion, displacement_and_speed, reach
@@ -19,6 +18,8 @@ from sim.scene import Compiled, with_timestep
 from sim.settings import SLIDING_STEPS
 from sim.stability import LIMITS, StabilityReport, Verdict, contact_points, judged
 
+NOT_MADE = "friction not made by the fall"
+"""Begins the cause of a fall that statics prevents with forces which nothing brings about."""
 SEEN = 0.01
 """Displacement, relative to the part, at which a fall shows which contacts open."""
 OPEN = 0.005

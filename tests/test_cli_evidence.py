@@ -70,7 +70,7 @@ def test_tilts_apart_are_a_disagreement_with_and_without_friction(
 
 
 def test_a_disagreement_is_told_with_its_cause() -> None:
-    early = {**tilt(10.0, 12.0, 0.3), "cause": "none found (fell with a step of 5 µs)"}
+    early = {**tilt(10.0, 12.0, 0.0), "cause": "none found (fell with a step of 5 µs)"}
     (finding,) = simulation_findings(assembly(), {"tilt": [early]})
     assert finding.text.endswith("12.00° by statics; cause: none found (fell with a step of 5 µs).")
     fallen = {**state("b", False, True), "cause": "soft contacts"}
@@ -78,7 +78,7 @@ def test_a_disagreement_is_told_with_its_cause() -> None:
     assert "falls in MuJoCo and stands by statics; cause: soft contacts." in finding.text
 
 
-def test_only_friction_shown_not_to_build_up_holds_nothing_against_a_design() -> None:
+def test_only_tilts_below_the_bound_that_statics_is_with_friction_hold_nothing_against_a_design() -> None:
     shown = {**tilt(10.0, 12.0, 0.3), "cause": "friction not made by the fall: fell with a step of 5 µs"}
     (note,) = explained(assembly(), {"tilt": [shown]})
     assert simulation_findings(assembly(), {"tilt": [shown]}) == [] and "12.00° by statics; cause: friction" in note

@@ -30,7 +30,7 @@ from mocca_robot.report import cone_plots, drawing2d, drawing3d, figures, pictur
 from mocca_robot.report.comparison import Variant, comparison_page
 from mocca_robot.report.data import ReportData, Tilt, collect
 from mocca_robot.report.film import films
-from mocca_robot.report.findings import disagreements, states, tilt_gaps, unmade_friction
+from mocca_robot.report.findings import below_bound, disagreements, states, tilt_gaps
 from mocca_robot.report.markup import esc, script_json, significant
 from mocca_robot.report.page import report_page, write_report
 from mocca_robot.report.palette import part_colours
@@ -451,13 +451,13 @@ def test_physics_that_falls_earlier_than_statics_with_friction_is_told_with_its_
         return dataclasses.replace(flat, simulation=simulated(flat.design, tilt=told))
 
     bounded = with_tilt(20.0, 25.0)
-    (earlier,) = unmade_friction(bounded)
+    (earlier,) = below_bound(bounded)
     assert earlier.endswith("more than 0.5° apart; cause: friction not made by the fall.")
     assert disagreements(bounded) == () and tilt_gaps(bounded) == ()
     page = report_page(bounded)
     assert esc(earlier) in page and 'id="upper-bounds"' in page and 'id="disagreements"' not in page
     later = with_tilt(25.0, 20.0)
-    assert len(disagreements(later)) == 1 and not unmade_friction(later)
+    assert len(disagreements(later)) == 1 and not below_bound(later)
 
 
 def test_an_interlocking_design_is_said_to_lock_not_to_stand(solid: ReportData) -> None:

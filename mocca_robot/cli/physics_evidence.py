@@ -9,7 +9,7 @@ import numpy as np
 
 from mocca_robot.assembly import Assembly, SupportFree
 from mocca_robot.cli.evidence import Finding, quoted
-from mocca_robot.report.findings import because, is_unmade_friction
+from mocca_robot.report.findings import because, is_below_bound
 from mocca_robot.tolerances import TILT_AGREEMENT_DEG
 
 
@@ -58,19 +58,18 @@ def _disagreements(assembly: Assembly, simulation: Mapping[str, Any]) -> list[st
         if tilt["runs_without_verdict_deg"]:
             count = len(tilt["runs_without_verdict_deg"])
             found.append(f"{count} of MuJoCo's runs gave no verdict at a {_tilt_words(assembly, tilt)}.")
-        elif _apart(assembly, tilt) and not is_unmade_friction(tilt):
+        elif _apart(assembly, tilt) and not is_below_bound(tilt):
             found.append(_disagreement(assembly, tilt))
     return found
 
 
 def explained(assembly: Assembly, simulation: Mapping[str, Any]) -> list[str]:
-    """Return the tilts on which physics and statics disagree because friction does not build up, in words.
+    """Return the tilts with friction at which MuJoCo lets it fall before statics must, in words, with their causes.
 
     They are listed among the disagreements of simulation.json and apart from them in the report, and hold nothing
-    against a design: it counts on no friction, and experiments showed that the forces that statics found come about by
-    clamping only.
+    against a design: it counts on no friction, and statics bounds such a tilt from above (`findings.is_below_bound`).
     """
-    apart = [t for t in simulation.get("tilt", ()) if _apart(assembly, t) and is_unmade_friction(t)]
+    apart = [t for t in simulation.get("tilt", ()) if _apart(assembly, t) and is_below_bound(t)]
     return [_disagreement(assembly, t) for t in apart]
 
 

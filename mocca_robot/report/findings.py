@@ -15,9 +15,6 @@ from mocca_robot.report.data import ReportData
 from mocca_robot.tolerances import TILT_AGREEMENT_DEG
 from mocca_robot.verify import CaseVerdict
 
-NOT_MADE = "friction not made by the fall"
-"""Begins the cause of a fall that statics prevents with forces which nothing brings about."""
-
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -77,7 +74,7 @@ def entries(data: ReportData, key: str) -> list[Mapping[str, Any]]:
 def disagreements(data: ReportData) -> tuple[str, ...]:
     """Return every contradiction between statics, physics and the design's own claims, one sentence each.
 
-    Those of `unmade_friction` are none.
+    Those of `below_bound` are none.
     """
     found: list[str] = []
     simulated = {str(s.get("placed")): s for s in entries(data, "states")}
@@ -87,7 +84,7 @@ def disagreements(data: ReportData) -> tuple[str, ...]:
             other = "stands" if state.physics else "falls"
             text = f"After placing '{state.part}' the assembly {says} by statics and {other} in MuJoCo"
             found.append(f"{text}{because(simulated.get(state.part, {}))}.")
-    found += [_tilt_apart(data, e) for e in _tilts_apart(data) if not is_unmade_friction(e)]
+    found += [_tilt_apart(data, e) for e in _tilts_apart(data) if not is_below_bound(e)]
     found += _insertions(data)
     verified = {c.case.name: c for c in data.after.cases}
     for case in data.design.load_cases:
@@ -98,20 +95,19 @@ def disagreements(data: ReportData) -> tuple[str, ...]:
     return tuple(found)
 
 
-def unmade_friction(data: ReportData) -> tuple[str, ...]:
-    """Return the tilts that statics holds only with friction forces that a fall does not bring about, in words.
+def below_bound(data: ReportData) -> tuple[str, ...]:
+    """Return the tilts with friction at which MuJoCo lets the structure fall before statics must, in words."""
+    return tuple(_tilt_apart(data, e) for e in _tilts_apart(data) if is_below_bound(e))
 
-    Coulomb's law allows those forces, nothing makes them: statics bounds such a tilt from above, MuJoCo says less, and
-    both are right.
+
+def is_below_bound(entry: Mapping[str, Any]) -> bool:
+    """Return whether MuJoCo says less than statics of a tilt with friction, and experiments looked for the cause.
+
+    That forces exist that Coulomb's law allows is necessary for rest, not sufficient: nothing need bring them about,
+    so that statics bounds such a tilt from above and both can be right. Without friction they are the only ones.
     """
-    return tuple(_tilt_apart(data, e) for e in _tilts_apart(data) if is_unmade_friction(e))
-
-
-def is_unmade_friction(entry: Mapping[str, Any]) -> bool:
-    """Return whether experiments have shown that of a tilt on which MuJoCo says less than statics."""
     early = float(entry.get("critical_deg") or 0.0) < float(entry.get("statics_deg") or 0.0)
-    shown = bool(entry.get("friction")) and str(entry.get("cause") or "").startswith(NOT_MADE)
-    return early and shown and not entry.get("runs_without_verdict_deg")
+    return early and bool(entry.get("friction") and entry.get("cause")) and not entry.get("runs_without_verdict_deg")
 
 
 def _tilts_apart(data: ReportData) -> list[Mapping[str, Any]]:
@@ -172,7 +168,7 @@ def _told(data: ReportData, found: list[str]) -> list[str]:
     told = [str(d) for d in (data.simulation or {}).get("disagreements") or []]
     states_known = any(f.startswith("After placing") for f in found)
     tilts_known = any(f.startswith("Critical tilt") for f in found)
-    tilts_known |= any(is_unmade_friction(e) for e in entries(data, "tilt"))
+    tilts_known |= any(is_below_bound(e) for e in entries(data, "tilt"))
     known = (("state after", states_known), ("tilt towards", tilts_known))
     return [f"MuJoCo run: {d}" for d in told if not any(d.startswith(head) and have for head, have in known)]
 
@@ -180,9 +176,9 @@ def _told(data: ReportData, found: list[str]) -> list[str]:
 def tilt_gaps(data: ReportData) -> tuple[float, ...]:
     """Return how far apart, in degrees, statics and MuJoCo may be at most for every critical tilt that both decide.
 
-    Those of `unmade_friction` are left out.
+    Those of `below_bound` are left out.
     """
-    compared = [e for e in entries(data, "tilt") if not is_unmade_friction(e)]
+    compared = [e for e in entries(data, "tilt") if not is_below_bound(e)]
     known = [(e, e.get("critical_deg"), _statics_tilt(data, e)) for e in compared]
     pairs = [(e, a, b) for e, a, b in known if a is not None and b is not None]
     return tuple(abs(a - b) + float(e.get("within_deg") or 0.0) for e, a, b in pairs)
