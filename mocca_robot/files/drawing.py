@@ -14,8 +14,6 @@ from mocca_robot.files import fields
 from mocca_robot.files.curves import conformed, copies_of, flattened
 from mocca_robot.files.rings import checked_polygon
 
-LARGEST = 1e12
-"""Of a coordinate, in drawing units."""
 MAX_CURVES = 100_000
 """Lines and curves of a drawing."""
 MAX_COPIES = 500
@@ -109,8 +107,8 @@ def _flattened(shapes: Sequence[Shape], where: str) -> list[list[Array]]:
     if not every:
         return [[] for _ in shapes]
     curves = np.concatenate(every)
-    if not (np.abs(curves) < LARGEST).all():
-        raise InputError(f"{where}: a coordinate is beyond {LARGEST:g}; check its transforms.")
+    if not (np.abs(curves) < fields.LARGEST).all():
+        raise InputError(f"{where}: a coordinate is beyond {fields.LARGEST:g}; check its transforms.")
     size = float(np.linalg.norm(np.ptp(curves[:, [0, 3]].reshape(-1, 2), axis=0)))
     _require_few_copies(curves, size, where)
     pieces = iter(conformed(curves, flattened(curves, size), size))

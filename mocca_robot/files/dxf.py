@@ -15,7 +15,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.curves import elevated
 from mocca_robot.files.documents import existing_path
-from mocca_robot.files.drawing import CLOSED, LARGEST, Drawing, add_chain, polygons, require_few
+from mocca_robot.files.drawing import CLOSED, Drawing, add_chain, polygons, require_few
 from mocca_robot.files.outlines import Group, numbered, shapes_of
 
 MAX_DXF_BYTES = 32 * 1024 * 1024
@@ -208,8 +208,8 @@ def _curves(entity: Any, where: str) -> tuple[list[Array], bool]:
     numbers = np.array([[p.x, p.y, p.z] for curve in found for p in curve])
     if len(numbers) == 0:
         return [], False
-    if not (np.abs(numbers) < LARGEST).all():
-        raise InputError(f"{where} has a coordinate that is not finite (or beyond {LARGEST:g}); redraw it.")
+    if not (np.abs(numbers) < fields.LARGEST).all():
+        raise InputError(f"{where} has a coordinate that is not finite (or beyond {fields.LARGEST:g}); redraw it.")
     size = float(np.linalg.norm(np.ptp(numbers, axis=0)))
     if np.ptp(numbers[:, 2]) > FLAT * size:
         raise InputError(

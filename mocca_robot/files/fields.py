@@ -25,6 +25,8 @@ UNITS_M: Mapping[str, float] = {
 
 MAX_NAME = 100
 MAX_TEXT = 4000
+LARGEST = 1e12
+"""In any unit, a coordinate beyond it is a slip: products of such numbers leave the range of floating point."""
 LARGEST_M = 1e6
 """Coordinates and lengths beyond a thousand kilometres leave a millimetre fewer digits than contacts need."""
 

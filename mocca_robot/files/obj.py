@@ -9,6 +9,7 @@ import numpy as np
 
 from mocca_robot.assembly import Array, IntArray
 from mocca_robot.errors import InputError
+from mocca_robot.files import fields
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +36,6 @@ class ObjObject:
         return np.array(found, dtype=np.int64).reshape(-1, 3)
 
 
-LARGEST = 1e12
-"""Beyond it a coordinate is a slip: squares and products of such numbers leave the range of floating point."""
-
-
 def read_obj(path: Path) -> list[ObjObject]:
     """Return the objects of an OBJ file that have faces or lines, in file order.
 
@@ -60,8 +57,8 @@ def read_obj(path: Path) -> list[ObjObject]:
                 vertices.append([float(w) for w in words[1:4]])
                 if len(vertices[-1]) < 3:
                     raise ValueError("fewer than three coordinates")
-                if not all(abs(x) < LARGEST for x in vertices[-1]):
-                    raise ValueError(f"coordinates have to be finite and below {LARGEST:g}")
+                if not all(abs(x) < fields.LARGEST for x in vertices[-1]):
+                    raise ValueError(f"coordinates have to be finite and below {fields.LARGEST:g}")
             elif words[0] == "vn":
                 given.append([float(w) for w in words[1:4]])
             elif words[0] == starts:

@@ -14,7 +14,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.curves import elevated, elliptic_arc
 from mocca_robot.files.documents import read_text
-from mocca_robot.files.drawing import LARGEST, Drawing, Shape, Subpath, add_chain, polygons, require_few
+from mocca_robot.files.drawing import Drawing, Shape, Subpath, add_chain, polygons, require_few
 from mocca_robot.files.svg_tree import Outline, outlines, parse_length, parse_xml
 
 MAX_SVG_BYTES = 16 * 1024 * 1024
@@ -141,8 +141,8 @@ def _subpaths(outline: Outline) -> list[Subpath]:
     add_chain(found, chain, False)
     linear, shift = outline.matrix[:, :2], outline.matrix[:, 2]
     placed = [Subpath(s.curves @ linear.T + shift, s.closed) for s in found]
-    if not all((np.abs(s.curves) < LARGEST).all() for s in placed):
-        raise InputError(f"Part '{outline.name}': a coordinate is beyond {LARGEST:g}; check its transforms.")
+    if not all((np.abs(s.curves) < fields.LARGEST).all() for s in placed):
+        raise InputError(f"Part '{outline.name}': a coordinate is beyond {fields.LARGEST:g}; check its transforms.")
     return placed
 
 
@@ -151,8 +151,8 @@ def _require_usable(segments: list[Any], name: str) -> None:
     for segment in segments:
         points = [p for p in segment if p is not None]
         numbers = [v for p in points for v in _xy(p)] + [float(getattr(segment, "sweep", 0.0) or 0.0)]
-        if not all(abs(v) < LARGEST for v in numbers):
-            raise InputError(f"Part '{name}': a coordinate is not finite (or beyond {LARGEST:g}); redraw it.")
+        if not all(abs(v) < fields.LARGEST for v in numbers):
+            raise InputError(f"Part '{name}': a coordinate is not finite (or beyond {fields.LARGEST:g}); redraw it.")
         if segment.end is None:
             raise InputError(f"Part '{name}': its path closes before it begins; save it again.")
 
