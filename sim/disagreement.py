@@ -13,7 +13,7 @@ from mocca_robot.joints.joint import contact_rays
 from mocca_robot.loads import LoadCase
 from mocca_robot.statics import Status
 from mocca_robot.verify import solve_rays
-from sim.motion import Motion, displacement_and_speed, reach
+from sim.motion import Motion, displacement_and_speed, let_go_gently, reach
 from sim.scene import Compiled, with_timestep
 from sim.settings import SLIDING_STEPS
 from sim.stability import LIMITS, StabilityReport, Verdict, contact_points, judged
@@ -116,18 +116,15 @@ def pressed_pairs(compiled: Compiled) -> set[tuple[int, int]]:
     far = reach(scene.assembly)[compiled.parts]
     mujoco.mj_forward(model, data)
     start, force, samples = data.qpos.copy(), np.zeros((len(names) + 1, len(names) + 1)), 0
-    gentle = round(LIMITS.gentle_s / model.opt.timestep)
-    for step in range(gentle + round(LIMITS.first_look_s / model.opt.timestep)):
-        mujoco.mj_step(model, data)
-        if step < gentle:
-            data.qvel[:] = 0.0
-        elif step % EVERY == 0:
-            first, second = np.sort(part_of[model.geom_bodyid[data.contact.geom]], axis=1).T
-            carries = data.contact.efc_address >= 0
-            np.add.at(force, (first[carries], second[carries]), data.efc_force[data.contact.efc_address[carries]])
-            samples += 1
-            if (displacement_and_speed(compiled, data, start, far)[0] > SEEN * 2.0 * far).any():
-                break
+    let_go_gently(model, data, round(LIMITS.gentle_s / model.opt.timestep))
+    for _ in range(round(LIMITS.first_look_s / model.opt.timestep) // EVERY):
+        mujoco.mj_step(model, data, EVERY)
+        first, second = np.sort(part_of[model.geom_bodyid[data.contact.geom]], axis=1).T
+        carries = data.contact.efc_address >= 0
+        np.add.at(force, (first[carries], second[carries]), data.efc_force[data.contact.efc_address[carries]])
+        samples += 1
+        if (displacement_and_speed(compiled, data, start, far)[0] > SEEN * 2.0 * far).any():
+            break
     weight = np.array([p.mass for p in scene.assembly.parts]) * float(np.linalg.norm(scene.gravity))
     lighter = np.minimum.outer(weight, weight)
     return {(int(i), int(j)) for i, j in np.argwhere(force[:-1, :-1] >= PRESSED * samples * lighter)}

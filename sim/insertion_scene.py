@@ -13,7 +13,7 @@ from sim.contact_model import ContactModel, facets, pieces
 from sim.directions import InsertionCone
 from sim.flat_pieces import flat_pieces
 from sim.hand import HAND, HandOptions, HandPath
-from sim.motion import LOOK, displacement_and_speed, reach
+from sim.motion import LOOK, displacement_and_speed, let_go_gently, reach
 from sim.scene import Compiled, Hand, Scene, compile_scene, with_timestep
 from sim.settings import settings_for
 from sim.solid_pieces import solid_pieces
@@ -23,11 +23,9 @@ SETTLING_STEPS = 200
 """At most, for what is left free to sink into its contacts; the igloo's 126 parts rest after 40."""
 RESTS = 1e-6
 """Sizes per second below which what sank rests."""
-FINER = (1.0, 3.0, 10.0)
-"""Divisors of the settings' step to try until what is left free keeps its place: at its limit it creeps with the first,
-because contacts give in proportion to the step's square."""
-KEEPS, SLOW = 1e-3, 2e-3
-"""Displacement (sizes) and speed (sizes per second) up to which a free part counts as keeping its place."""
+KEEPS = 1e-3
+"""Displacement (sizes) up to which a free part that rests counts as keeping its place. At its limit it creeps with the
+settings' step, because contacts give in proportion to the step's square; then finer ones are tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +40,7 @@ class InsertionScene:
         travel_points: (P, d) contact points that the part has to clear.
         sunk: metres that any point of the part's neighbours sinks before it arrives, because contacts give: it meets
             them by so much off their places. 0 when they are held.
-        finer: divisor of the settings' step with which all free parts keep their places; see `FINER`.
+        finer: divisor of the settings' step with which all free parts keep their places; see `KEEPS`.
     """
 
     compiled: Compiled
@@ -112,12 +110,12 @@ def insertion_scene(
 def _settled(ready: InsertionScene, neighbours: set[int], hand: HandOptions) -> InsertionScene:
     """Return the scene with the step that its free parts need to keep their places, and how far the neighbours sink."""
     first = ready.compiled
-    for divisor in FINER:
+    for divisor in (1.0, *LIMITS.finer):
         settings = first.scene.settings
         compiled = with_timestep(first, settings.timestep / divisor) if divisor > 1.0 else first
         ready = replace(ready, compiled=compiled, finer=divisor)
         sunk, speed = _left_alone(ready, hand)
-        if (sunk <= KEEPS).all() and (speed <= SLOW).all():
+        if (sunk <= KEEPS).all() and (speed <= LIMITS.speed).all():
             break
     size = 2.0 * reach(first.scene.assembly)[first.parts]
     met = np.isin(first.parts, list(neighbours))
@@ -141,9 +139,7 @@ def _left_alone(ready: InsertionScene, hand: HandOptions) -> tuple[Array, Array]
     mujoco.mj_forward(compiled.model, data)
     start = data.qpos.copy()
     data.ctrl[:] = path.commands[0]
-    for _ in range(ready.gentle_steps(hand)):
-        mujoco.mj_step(compiled.model, data)
-        data.qvel[ready.below_dof] = 0.0
+    let_go_gently(compiled.model, data, ready.gentle_steps(hand), ready.below_dof)
     for _ in range(round(SETTLING_STEPS * ready.finer) // LOOK):
         mujoco.mj_step(compiled.model, data, LOOK)
         sunk, speed = (

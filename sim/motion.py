@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, Mesh, Polygon, read_only
+from mocca_robot.assembly import Array, Assembly, IntArray, Mesh, Polygon, read_only
 from mocca_robot.errors import MoccaError
 from sim.heard import heard
 from sim.scene import Compiled
@@ -126,6 +126,16 @@ def run(
         step,
         failure,
     )
+
+
+def let_go_gently(model: Any, data: Any, steps: int, dof: IntArray | None = None) -> None:
+    """Take steps and remove the velocities `dof` (default: all) after each; see `run`."""
+    import mujoco
+
+    which = slice(None) if dof is None else dof
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        data.qvel[which] = 0.0
 
 
 def overlap(compiled: Compiled, data: Any) -> str | None:
