@@ -9,7 +9,7 @@ import numpy as np
 from mocca_robot.assembly import Array, Assembly
 from mocca_robot.contacts import Contact
 from mocca_robot.joints.joint import planar
-from mocca_robot.parts_graph import part_motions
+from mocca_robot.parts_graph import PartMotion, part_motions
 from mocca_robot.sweep2d import free_half_angle_2d, sweep_blockers_2d
 
 HALF_ANGLE_STEP = float(np.deg2rad(1.0))
@@ -34,16 +34,20 @@ def ways_out(
     spread = spread_directions(assembly.dimension, samples)
     found: dict[int, Array] = {}
     for part, motion in part_motions(assembly, [planar(c) for c in contacts]).items():
-        slack = (spread @ motion.normals.T).min(axis=1) if len(motion.normals) else np.ones(len(spread))
-        order = np.argsort(-slack, kind="stable")
-        order = order[slack[order] >= np.sin(alpha + room_rad)]
-        tried = (*([motion.axis] if motion.alpha_rad >= alpha else []), *spread[order])
+        tried = (*([motion.axis] if motion.alpha_rad >= alpha else []), *roomiest(spread, motion, alpha + room_rad))
         way = first_free(assembly, part, tried, alpha + room_rad) if assembly.dimension == 2 else None
         if way is None:
             way = first_free(assembly, part, tried)
         if way is not None:
             found[part] = way
     return found
+
+
+def roomiest(ways: Array, motion: PartMotion, least_rad: float) -> Array:
+    """Return those of `ways` (m, d) that a part's own contacts leave free by `least_rad`, most room first."""
+    slack = (ways @ motion.normals.T).min(axis=1) if len(motion.normals) else np.ones(len(ways))
+    order = np.argsort(-slack, kind="stable")
+    return np.asarray(ways[order[slack[order] >= np.sin(least_rad)]])
 
 
 def first_free(

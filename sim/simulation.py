@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mocca_robot.tolerances import tilts_apart
 from sim.insertion import InsertionTrial
 from sim.robust import RobustReport
 from sim.states import StateResult
-from sim.tilt import TILT_AGREEMENT_RAD, TiltReport
+from sim.tilt import TiltReport
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,8 @@ class Simulation:
         return tuple(out)
 
     def _apart(self, tilt: TiltReport) -> bool:
-        # No more is known of the critical tilt than a bracket: only what lies outside the limit as a whole is apart.
-        return abs(tilt.difference_rad) - tilt.within_rad > TILT_AGREEMENT_RAD[self.dimension]
+        critical, statics, within = np.rad2deg([tilt.critical_rad, tilt.statics_rad, tilt.within_rad]).tolist()
+        return tilts_apart(critical, statics, within, self.dimension)
 
     @property
     def needs_support(self) -> tuple[str, ...]:

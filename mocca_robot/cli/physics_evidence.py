@@ -10,7 +10,7 @@ import numpy as np
 from mocca_robot.assembly import Assembly, SupportFree
 from mocca_robot.cli.evidence import Finding, quoted
 from mocca_robot.report.findings import because, is_below_bound
-from mocca_robot.tolerances import TILT_AGREEMENT_DEG
+from mocca_robot.tolerances import tilts_apart
 
 
 def simulation_findings(assembly: Assembly, simulation: Mapping[str, Any]) -> list[Finding]:
@@ -78,9 +78,8 @@ def _disagreement(assembly: Assembly, tilt: Mapping[str, Any]) -> str:
 
 
 def _apart(assembly: Assembly, tilt: Mapping[str, Any]) -> bool:
-    apart = abs(float(tilt["critical_deg"]) - float(tilt["statics_deg"]))
-    # No more is known of MuJoCo's tilt than a bracket: only what lies outside the limit as a whole is apart.
-    return bool(apart - float(tilt.get("within_deg") or 0.0) > TILT_AGREEMENT_DEG[assembly.dimension])
+    critical, statics, within = tilt["critical_deg"], tilt["statics_deg"], tilt.get("within_deg") or 0.0
+    return tilts_apart(float(critical), float(statics), float(within), assembly.dimension)
 
 
 def _tilt_words(assembly: Assembly, tilt: Mapping[str, Any]) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from mocca_robot.assembly import Interlocking, SupportFree
 from mocca_robot.report.data import ReportData
-from mocca_robot.tolerances import TILT_AGREEMENT_DEG
+from mocca_robot.tolerances import TILT_AGREEMENT_DEG, tilts_apart
 from mocca_robot.verify import CaseVerdict
 
 
@@ -111,11 +111,10 @@ def is_below_bound(entry: Mapping[str, Any]) -> bool:
 
 
 def _tilts_apart(data: ReportData) -> list[Mapping[str, Any]]:
-    limit = TILT_AGREEMENT_DEG[data.design.assembly.dimension]
     known = [(e, e.get("critical_deg"), _statics_tilt(data, e)) for e in entries(data, "tilt")]
-    # No more is known of MuJoCo's tilt than a bracket: only what lies outside the limit as a whole is apart.
     pairs = [(e, a, b) for e, a, b in known if a is not None and b is not None]
-    return [e for e, a, b in pairs if abs(a - b) - float(e.get("within_deg") or 0.0) > limit]
+    dimension = data.design.assembly.dimension
+    return [e for e, a, b in pairs if tilts_apart(float(a), float(b), float(e.get("within_deg") or 0.0), dimension)]
 
 
 def _tilt_apart(data: ReportData, entry: Mapping[str, Any]) -> str:

@@ -18,7 +18,7 @@ from mocca_robot.joints.options import JointOptions
 from mocca_robot.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
 from mocca_robot.parts_graph import PartMotion, part_motions
 from mocca_robot.statics.threads import with_one_blas_thread
-from mocca_robot.ways_out import first_free, free_half_angle, spread_directions, ways_out
+from mocca_robot.ways_out import first_free, free_half_angle, roomiest, spread_directions, ways_out
 from planners.cone_joints.descent import evaluate
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.kinematic import Impossible, bound
@@ -264,10 +264,7 @@ def _confirmed_way(built: Assembly, part: int, motion: PartMotion, designed: Arr
     usable = [motion.axis] if _room(motion, designed) < alpha - 1e-9 else [motion.axis, designed]
     way = first_free(built, part, usable)
     if way is None:
-        spread = spread_directions(2, 360)
-        room = (spread @ motion.normals.T).min(axis=1)
-        order = np.argsort(-room, kind="stable")
-        way = first_free(built, part, spread[order[room[order] >= np.sin(alpha)]])
+        way = first_free(built, part, roomiest(spread_directions(2, 360), motion, alpha))
     return usable[-1] if way is None else way
 
 
