@@ -27,17 +27,14 @@ def ways_out(
     The axis a of the part's widest cone comes first: it has most room among the neighbours, but it may lead
     through parts further away. Then `samples` directions spread evenly, those with most room first, as long as
     all contact normals keep n̂·x ≥ sin(α + `room_rad`). A direction is free when the sweep along it and along the
-    rim of K(x, α) hits nothing; flat parts get one with a rim at α + `room_rad` where there is one. Insertion runs
-    along −x.
+    rim of K(x, α) hits nothing. Insertion runs along −x.
     """
     alpha = assembly.alpha_rad or 0.0
     spread = spread_directions(assembly.dimension, samples)
     found: dict[int, Array] = {}
     for part, motion in part_motions(assembly, [planar(c) for c in contacts]).items():
         tried = (*([motion.axis] if motion.alpha_rad >= alpha else []), *roomiest(spread, motion, alpha + room_rad))
-        way = first_free(assembly, part, tried, alpha + room_rad) if assembly.dimension == 2 else None
-        if way is None:
-            way = first_free(assembly, part, tried)
+        way = first_free(assembly, part, tried)
         if way is not None:
             found[part] = way
     return found
@@ -50,15 +47,10 @@ def roomiest(ways: Array, motion: PartMotion, least_rad: float) -> Array:
     return np.asarray(ways[order[slack[order] >= np.sin(least_rad)]])
 
 
-def first_free(
-    assembly: Assembly, part: int, ways: Iterable[Array], half_angle_rad: float | None = None
-) -> Array | None:
-    """Return the first of `ways` (d,) along which, and along whose rim of K(x, α), `part` hits nothing; else None.
-
-    `half_angle_rad` stands for α when it is given.
-    """
+def first_free(assembly: Assembly, part: int, ways: Iterable[Array]) -> Array | None:
+    """Return the first of `ways` (d,) along which, and along whose rim of K(x, α), `part` hits nothing; else None."""
     for axis in ways:
-        rim = insertion_rim(axis, (assembly.alpha_rad or 0.0) if half_angle_rad is None else half_angle_rad)
+        rim = insertion_rim(axis, assembly.alpha_rad or 0.0)
         # Most directions that are not free are blocked along their axis already.
         if not sweep_blockers(assembly, part, rim[:1]) and not sweep_blockers(assembly, part, rim[1:]):
             return np.asarray(axis)
