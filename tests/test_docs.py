@@ -7,6 +7,7 @@ import json
 import re
 import shlex
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -20,11 +21,13 @@ from ur_cell import small_plan
 from mocca_robot.cli import main
 from mocca_robot.cli.evidence import Finding
 from mocca_robot.cli.parser import build_parser
-from mocca_robot.errors import MoccaError
+from mocca_robot.errors import InputError, MoccaError
 from mocca_robot.files.assembly_json import write_assembly
 from mocca_robot.files.config import load
+from mocca_robot.files.keys import Key
 from mocca_robot.files.schema import KEYS
 from mocca_robot.ur.plan import document
+from planners.robot.cell import read_cell
 from planners.robot.cell_keys import CELL_KEYS, GRIPPER_KEYS, LIMIT_KEYS
 from sim.studies.study import STUDY_KEYS
 
@@ -219,6 +222,26 @@ def test_shipped_files_fit_their_schemas_and_a_misspelt_key_fits_none(path: Path
         del place[f"{key}x"]
         if name == "study-file" and "generator.door_deg" in data.get("set", {}):
             break  # which keys a generator has, only it knows
+
+
+@pytest.mark.parametrize("key", [k for k in CELL_KEYS if k.name.startswith("build.")], ids=lambda k: k.name)
+def test_only_keys_of_a_cell_that_may_be_left_out_may_be_left_empty(key: Key, tmp_path: Path) -> None:
+    data = yaml.safe_load((ROOT / "configs" / "cells" / "ur5e_2f85.yaml").read_text(encoding="utf-8"))
+    name = key.name.removeprefix("build.")
+    data["build"][name] = None
+    path = tmp_path / "cell.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    assert bool(list(schema("cell").iter_errors(data))) == key.required
+    with pytest.raises(InputError, match=f"no '{name}'") if key.required else nullcontext():
+        read_cell(path)
+
+
+def test_all_keys_that_a_cell_lacks_are_named_at_once(tmp_path: Path) -> None:
+    data = yaml.safe_load((ROOT / "configs" / "cells" / "ur5e_2f85.yaml").read_text(encoding="utf-8"))
+    path = tmp_path / "cell.yaml"
+    path.write_text(yaml.safe_dump({k: v for k, v in data.items() if k not in ("robot", "table_m")}), encoding="utf-8")
+    with pytest.raises(InputError, match="no 'robot', 'table_m'"):
+        read_cell(path)
 
 
 def test_every_yaml_key_of_the_docs_is_in_its_table() -> None:

@@ -11,8 +11,8 @@ from mocca_robot.contacts import Contact, find_contacts
 from mocca_robot.errors import InputError
 from sim.contact_model import facets
 from sim.directions import OUTSIDE, directions, insertion_cone
-from sim.hand import HandOptions, PlacingError
-from sim.insertion import insert
+from sim.hand import HAND, HandOptions, PlacingError
+from sim.insertion import LAST_STRETCH, insert
 from sim.insertion_scene import insertion_model, insertion_scene
 from sim.tilt import physical_tilt, tilt_scene
 
@@ -95,6 +95,7 @@ def test_a_seat_that_sinks_is_met_gently_and_held_ones_do_not_sink():
     resting, moving = insert(held, axis), insert(free, axis)
     assert moving.allowed_force > resting.allowed_force
     assert moving.peak_force < resting.allowed_force, "what the seat sinks by must not turn into a blow"
+    assert moving.steps > LAST_STRETCH * HAND.steps, "slower near the seat than all the way before"
 
 
 def test_what_does_not_keep_its_place_gets_a_finer_step(monkeypatch):
