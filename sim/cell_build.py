@@ -8,13 +8,13 @@ import numpy as np
 
 from mocca_robot.assembly import Array
 from mocca_robot.ur.plan import MoveKind, Plan, Step
-from sim.cell_model import Moment, Phase, Pose, Workplace
+from sim.cell_model import Moment, Phase, Pose, Workplace, seat
 from sim.cell_world import CellWorld
 
 
 class Build:
-    """The structure as it grows. A part that its support takes over is held where it is then; what is pushed in beside
-    it can press it aside, as far as the support gives.
+    """The structure as it grows. A part that its support takes over is held where it is then, or, in a cradle, drawn to
+    its place; what is pushed in beside it can press it aside, as far as the support gives.
 
     Attributes:
         held: parts that are built and held: fixed ones, and those that something holds.
@@ -25,6 +25,7 @@ class Build:
         self.held = {k for k, p in enumerate(parts) if p.fixed}
         self._free: set[int] = set()
         self._supported = {place.assembly.index(name) for name in plan.supports}
+        self._cradled = {k: seat(parts[k]) for k in map(place.assembly.index, plan.cradles)}
         self._taken: dict[int, Pose] = {}
         self._beside: dict[int, set[int]] = {k: set() for k in range(len(parts))}
         for contact in place.contacts:
@@ -45,10 +46,13 @@ class Build:
 
     def released(self, part: int, pose: Pose) -> Moment:
         """Return the moment in which `part` is let go at `pose`: its support, if it has one, takes it over there."""
-        if part in self._supported:
-            self.held.add(part)
-            self._taken[part] = pose
-        return self.at("rest", None if part in self.held else part)
+        if part not in self._supported:
+            return self.at("rest", part)
+        self._taken[part] = self._cradled.get(part, pose)
+        if part in self._cradled:
+            return Moment("rest", None, self.free, tuple(sorted(self.held)), ((part, self._taken[part]),))
+        self.held.add(part)
+        return self.at("rest", None)
 
     def placed(self, part: int) -> Moment:
         """Return the moment in which `part` counts as built: held by its support if it has one."""

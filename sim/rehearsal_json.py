@@ -37,6 +37,7 @@ def rehearsal_to_data(rehearsal: Rehearsal) -> dict[str, Any]:
             "speed": options.speed,
         },
         "supports": list(plan.supports),
+        "cradles": list(plan.cradles),
         "planned_parts": rehearsal.planned,
         "partial": rehearsal.partial,
         "succeeded": rehearsal.succeeded,

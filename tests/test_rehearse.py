@@ -22,7 +22,8 @@ from mocca_robot.files.config import load
 from mocca_robot.files.design_json import read_design, write_design
 from mocca_robot.ur.models import MODELS
 from mocca_robot.ur.plan import Plan, write_plan
-from mocca_robot.ur.plan_reader import file_sha256
+from mocca_robot.ur.plan import document as plan_document
+from mocca_robot.ur.plan_reader import file_sha256, plan_from_document
 from mocca_robot.ur.status import ExecutionStatus
 from planners.cone_joints.designer import design
 from planners.robot.build_plan import build_plan
@@ -71,8 +72,8 @@ def cell() -> RobotCell:
     return replace(read_cell(ROOT / "configs" / "cells" / "ur5e_2f85.yaml"), build_size_m=None)
 
 
-def plan_for(design: Design, supports: tuple[str, ...] = ()) -> Plan:
-    built = build_plan(design, cell(), "0" * 64, supports=supports)
+def plan_for(design: Design, supports: tuple[str, ...] = (), cradles: tuple[str, ...] = ()) -> Plan:
+    built = build_plan(design, cell(), "0" * 64, supports=supports, cradles=cradles)
     assert built.plan is not None, [r.reasons for r in built.reports]
     return built.plan
 
@@ -214,6 +215,37 @@ def test_a_support_gives_way_as_a_spring_and_comes_back() -> None:
     data.xfrc_applied[body, 2] = 0.0
     mujoco.mj_step(model, data, 1000)
     assert data.xpos[body] == pytest.approx(poses[1].position, abs=2e-5)
+
+
+def test_a_cradle_brings_a_part_to_its_place_where_a_support_leaves_it() -> None:
+    """Let go 1 mm beside its place, a part lies there on a support, and at its place in a cradle."""
+    design = pile(overhang=0.005)
+    for cradles, left in (((), 0.001), (("b0",), 0.0)):
+        plan = plan_for(design, ("b0",), cradles)
+        place = place_of(design)
+        x, y, z = seat(place.assembly.parts[1]).position
+        with SimulatedCell(place, plan, waiting(place, plan, QUICK)) as arm:
+            arm.put(1, Pose((x, y, z + 0.001)))
+            build, world = arm._build, arm._world
+            world.enter(build.released(1, arm.pose(1)))
+            world.hold(0.3)
+            world.remember()
+            standing = watch(arm, 1)
+        assert standing.displacement_m == pytest.approx(left, abs=2e-5) and standing.stands
+
+
+def test_what_lies_in_a_cradle_is_supported_until_the_cradles_are_taken_away() -> None:
+    design = pile(overhang=0.005)
+    plan = plan_for(design, cradles=("b0",))
+    assert plan.supports == plan.cradles == ("b0",)
+    assert plan_from_document(json.loads(json.dumps(plan_document(plan)))) == plan
+    result = rehearse(plan, design, QUICK)
+    assert [p.succeeded for p in result.parts] == [True]
+    assert result.whole is not None and result.whole.stands is False and result.whole.moved == ("b0",)
+    raw = plan_document(plan)
+    raw["supports"] = []
+    with pytest.raises(InputError, match=r"'b0' lies in a cradle but is not among the 'supports'"):
+        plan_from_document(raw)
 
 
 def test_what_cannot_move_meets_nothing_that_cannot() -> None:

@@ -153,7 +153,14 @@ def test_an_interrupted_command_goes_on_from_there(tmp_path: Path) -> None:
     text = f"base: {BASE}\nvary: {{alpha_deg: {{from: 0, to: 4, count: 60}}}}\n"
     command = [sys.executable, "-m", "mocca_robot.cli", "study", str(written(tmp_path, text)), "--jobs", "1", "--json"]
     command += ["-o", str(tmp_path / "out")]
-    running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+    running = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
     store = tmp_path / "out" / "points.jsonl"
     give_up = time.monotonic() + 120.0
     while not (store.exists() and store.read_text(encoding="utf-8").count("\n") >= 2):

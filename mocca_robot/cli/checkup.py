@@ -115,7 +115,7 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
     for way in found.verification.insertions:
         by = f"; in its way: {evidence.quoted(way.blockers)}" if way.blockers else ""
         room = f"goes in from ±{evidence.degrees(way.alpha_rad)}"
-        room += "" if built else ", the most that any joint could offer it"
+        room += "" if built else ", the most that any joint could offer it that way"
         if way.alpha_rad < 0:
             room = "has no direction to go in" + ("" if built else ", and no joint could open one")
         out.append(f"'{way.part}' {room}{by}")

@@ -36,6 +36,12 @@ def add(commands: Any) -> None:
         metavar="PART,...",
         help="parts that something else holds once they are placed, besides the cell's; 'all' for every part",
     )
+    parser.add_argument(
+        "--cradles",
+        default="",
+        metavar="PART,...",
+        help="parts that a cradle made to the design holds at their place once they are let go; 'all' for every part",
+    )
     parser.add_argument("--size", type=float, metavar="M", help="longest side of the structure (default: the cell's)")
     parser.add_argument("--friction", type=float, default=0.0, metavar="MU", help="Coulomb coefficient (default 0)")
     parser.add_argument("--seed", type=int, default=0, help="of the random ways tried (default 0)")
@@ -73,7 +79,9 @@ def run(args: argparse.Namespace) -> int:
         cell = replace(cell, build_size_m=args.size)
     target = target_file(args.output, source.with_name("plan.json"))
     names = [p.name for p in design.assembly.parts if not p.fixed]
-    supports = names if args.supports == "all" else [n for n in args.supports.split(",") if n]
+    supports, cradles = (
+        names if said == "all" else [n for n in said.split(",") if n] for said in (args.supports, args.cradles)
+    )
     with console.stage("plan") as doing:
         built = build_plan(
             design,
@@ -81,6 +89,7 @@ def run(args: argparse.Namespace) -> int:
             file_sha256(source),
             friction=args.friction,
             supports=supports,
+            cradles=cradles,
             seed=args.seed,
             partial=args.partial,
             progress=doing,

@@ -82,7 +82,10 @@ def _whole(data: Mapping[str, Any]) -> str:
     if whole is None:
         return "<p>The finished structure was not reached.</p>"
     word = "with" if data["partial"] else "without"
-    taken = f" {word} its supports ({listed(data['supports'], 6)})" if data["supports"] else ""
+    cradled = set(data["cradles"])
+    kinds = {"supports": [n for n in data["supports"] if n not in cradled], "cradles": data["cradles"]}
+    held = " and ".join(f"{kind} ({listed(names, 6)})" for kind, names in kinds.items() if names)
+    taken = f" {word} its {held}" if held else ""
     what = ("What was built" if data["partial"] else "The whole") + taken
     return f"<p>{what}: {_standing(whole)} {esc(whole['reason'])}.</p>"
 

@@ -59,6 +59,8 @@ class DryRun:
             lines.append(f"cannot be executed: {words}")
         if plan.supports:
             lines.append(f"somebody or something has to hold, once placed: {', '.join(plan.supports)}")
+        if plan.cradles:
+            lines.append(f"of these a cradle at its place has to stand ready for: {', '.join(plan.cradles)}")
         place: tuple[int, int, int | None] | None = None
         for row in self.rows:
             if place != (row.step, row.move, row.alternative):

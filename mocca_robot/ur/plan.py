@@ -138,6 +138,7 @@ class Plan:
     Attributes:
         design: the design file's path relative to the plan, if recorded.
         supports: parts that something else than the structure has to hold from the moment they are placed.
+        cradles: those of them that lie in a cradle, which brings them to their place.
     """
 
     design_sha256: str
@@ -147,6 +148,7 @@ class Plan:
     steps: tuple[Step, ...]
     design: str | None = None
     supports: tuple[str, ...] = ()
+    cradles: tuple[str, ...] = ()
 
     @property
     def sha256(self) -> str:
@@ -182,6 +184,7 @@ def document(plan: Plan) -> dict[str, Any]:
         "design_sha256": plan.design_sha256,
         **({"design": plan.design} if plan.design else {}),
         **({"supports": list(plan.supports)} if plan.supports else {}),
+        **({"cradles": list(plan.cradles)} if plan.cradles else {}),
         "robot": plan.robot,
         "gripper": plan.gripper,
         "cell": {

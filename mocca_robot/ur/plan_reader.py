@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -66,6 +66,7 @@ def plan_from_document(raw: object, source: str = "plan") -> Plan:
     steps = _list(top, "steps", source)
     if not steps:
         raise InputError(f"{source}: the plan has no steps. Plan an assembly with at least one free part.")
+    supports = _names(top, "supports", source)
     return Plan(
         design_sha256=_text(top, "design_sha256", source),
         robot=robot_model(_text(top, "robot", source), source).name,
@@ -73,11 +74,21 @@ def plan_from_document(raw: object, source: str = "plan") -> Plan:
         cell=_cell(_mapping(top.get("cell"), f"{source}: cell"), f"{source}: cell"),
         steps=tuple(_step(_mapping(s, f"{source}: step {i}"), f"{source}: step {i}") for i, s in enumerate(steps)),
         design=_text(top, "design", source) if "design" in top else None,
-        supports=tuple(
-            _text({"supports": name}, "supports", source)
-            for name in _sequence(top.get("supports", []), f"{source}: 'supports'")
-        ),
+        supports=supports,
+        cradles=_cradles(top, supports, source),
     )
+
+
+def _names(top: Mapping[str, Any], key: str, where: str) -> tuple[str, ...]:
+    return tuple(_text({key: name}, key, where) for name in _sequence(top.get(key, []), f"{where}: '{key}'"))
+
+
+def _cradles(top: Mapping[str, Any], supports: Collection[str], where: str) -> tuple[str, ...]:
+    cradles = _names(top, "cradles", where)
+    for name in cradles:
+        if name not in supports:
+            raise InputError(f"{where}: '{name}' lies in a cradle but is not among the 'supports'. Plan again.")
+    return cradles
 
 
 def _cell(raw: Mapping[str, Any], where: str) -> Cell:

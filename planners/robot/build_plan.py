@@ -98,6 +98,7 @@ def build_plan(
     *,
     friction: float = 0.0,
     supports: Sequence[str] = (),
+    cradles: Sequence[str] = (),
     seed: int = 0,
     partial: bool = False,
     design_path: str | None = None,
@@ -105,15 +106,16 @@ def build_plan(
 ) -> BuildPlan:
     """Return a plan that builds `design` in `cell`, with what was found for every part.
 
-    `supports` are parts that stand by other means once placed, besides those that the cell declares; InputError for
-    names that are no parts, and when the tray is too small. When a part cannot be placed there is no plan, or, with
-    `partial`, one that ends before it. `progress` is told what is being done.
+    `supports` are parts that stand by other means once placed, `cradles` those that a cradle holds at their place,
+    besides those that the cell declares; InputError for names that are no parts, and when the tray is too small. When
+    a part cannot be placed there is no plan, or, with `partial`, one that ends before it. `progress` is told what is
+    being done.
     """
     names = [p.name for p in design.assembly.parts if not p.fixed]
     if not names:
         raise InputError(f"'{design.assembly.name}' has no free parts: there is nothing to build.")
-    declared = tuple(names) if cell.supports == ("all",) else cell.supports
-    supports = tuple(dict.fromkeys([*declared, *supports]))
+    cradles = _declared(cell.cradles, cradles, names)
+    supports = _declared(cell.supports, [*supports, *cradles], names)
     for name in supports:
         design.assembly.index(name)
     where = site(design.assembly, cell)
@@ -145,8 +147,13 @@ def build_plan(
         tuple(steps),
         design=design_path,
         supports=supports,
+        cradles=cradles,
     )
     return BuildPlan(plan, reports, (), cell, bench.site, tray)
+
+
+def _declared(by_cell: tuple[str, ...], besides: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys([*(names if by_cell == ("all",) else by_cell), *besides]))
 
 
 def _first_missing(reports: Sequence[PartReport]) -> int:

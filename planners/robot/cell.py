@@ -45,6 +45,7 @@ class RobotCell:
         build_size_m: longest side of the structure after scaling; None keeps the design's own size.
         thickness_m: of flat parts; None keeps the design's.
         supports: parts that something else holds once they are placed; `("all",)` for every part.
+        cradles: parts that a cradle holds and brings to their place once they are let go; `("all",)` for every part.
         tray_m: (2, 2) corners of the tray in the horizontal; parts stand `nest_m` above the table, `gap_m` apart.
         tray_places: where parts wait, by name; empty when the layout is generated.
         home: joint angles (6,) where a build begins and ends.
@@ -64,6 +65,7 @@ class RobotCell:
     build_size_m: float | None
     thickness_m: float | None
     supports: tuple[str, ...]
+    cradles: tuple[str, ...]
     tray_m: Array
     nest_m: float
     gap_m: float
@@ -145,6 +147,7 @@ def cell_from_document(content: object, where: str) -> RobotCell:
         build_size_m=build["size_m"],
         thickness_m=build["thickness_m"],
         supports=build["supports"] or (),
+        cradles=build["cradles"] or (),
         tray_m=fields.box([tray["low_m"].tolist(), tray["high_m"].tolist()], f"{where}: tray", 2),
         nest_m=tray["nest_m"],
         gap_m=tray["gap_m"],

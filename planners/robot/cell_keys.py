@@ -57,6 +57,14 @@ CELL_KEYS: tuple[Key, ...] = (
         high=10.0,
     ),
     Key("build.supports", "names", None, "", "Parts that something else holds once they are placed; `all` for all."),
+    Key(
+        "build.cradles",
+        "names",
+        None,
+        "",
+        "Parts that a cradle made to the design's shape holds once they are let go, so that they come to lie exactly "
+        "at their place; `all` for all.",
+    ),
     Key("tray", "mapping", None, "", "Where parts wait, see below.", required=True),
     Key("tray.low_m", "vector", None, "m", "Low corner of the tray.", size=2, required=True),
     Key("tray.high_m", "vector", None, "m", "High corner of the tray.", size=2, required=True),
