@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,24 +16,18 @@ from mocca_robot.verify import solve_rays
 from sim.motion import Motion, displacement_and_speed, let_go_gently, reach
 from sim.scene import Compiled, with_timestep
 from sim.settings import SLIDING_STEPS
-from sim.stability import LIMITS, StabilityReport, Verdict, at_once, contact_points, creeps, judged
+from sim.stability import LIMITS, StabilityReport, Verdict, contact_points, judged
 
 NOT_MADE = "friction not made by the fall"
 """Begins the cause of a fall that statics prevents with forces which nothing brings about."""
-SLOWEST = 100.0
-"""Divisor of the settings' step with which a fall that nothing explains is looked at for creep."""
 SEEN = 0.01
 """Displacement, relative to the part, at which a fall shows which contacts open."""
 OPEN = 0.005
 """A contact opens, or slides, by more than this share of the fastest relative motion at any contact: micrometres when a
 fall is seen, where contacts that stay closed give by nanometres."""
-SLIDES = 0.001
-"""The same for the sliding of those contact points that physics itself used and pressed: tenths of micrometres."""
 PRESSED = 0.01
 """Share of the lighter part's weight with which two parts have to press on each other, on average over a fall, for
 friction between them to come of it."""
-LEAST_SHARE = 1e-3
-"""The same for one contact point: several share what a pair carries."""
 EVERY = 5
 """Steps between two looks at forces."""
 
@@ -47,7 +41,6 @@ def cause(
     'friction': statics holds the parts only with forces that their fall does not bring about: in contacts that it
     opens, between parts that it does not press together, or with friction that does not oppose its sliding. Coulomb's
     law allows them at rest (parts that clamp each other), nothing makes them: statics bounds the tilt from above.
-    'creep': with an even finer step the fall takes longer in proportion; see `stability.confirmed`.
     'history': let go at once, or more gently, it ends otherwise; friction forces depend on how they build up.
     'none found' else.
     """
@@ -66,23 +59,15 @@ def cause(
         else:
             tried += "; finer ones would take hours"
     if found.verdict is Verdict.FELL and settings.friction > 0.0:
-        opened, rays = coulomb_rays(assembly, *contact_rays(contacts), found.motion, settings.friction)
+        opened, rays = coulomb_rays(assembly, contacts, found.motion, settings.friction)
         told = f"{NOT_MADE}: {tried}; statics, too, lets it fall with the forces that go with this fall"
         if not _holds(assembly, contacts, case, rays):
             return f"{told} ({opened} of {len(rays)} contact points open)"
-        pressed = pressing(with_timestep(tilted, settings.timestep / LIMITS.finer[0], SLIDING_STEPS))
-        kept = [(pair, point, d if pair in pressed.pairs else d[:0]) for pair, point, d in rays]
+        pressed = pressed_pairs(with_timestep(tilted, settings.timestep / LIMITS.finer[0], SLIDING_STEPS))
+        kept = [(pair, point, d if pair in pressed else d[:0]) for pair, point, d in rays]
         if not _holds(assembly, contacts, case, kept):
             pairs = {pair for pair, _, _ in rays}
-            return f"{told} ({len(pairs - pressed.pairs)} of {len(pairs)} pairs of parts are not pressed together)"
-        _, rays = coulomb_rays(assembly, *pressed.rays, found.motion, settings.friction, SLIDES)
-        if not _holds(assembly, contacts, case, rays):
-            return f"{told} ({len(rays)} contact points are pressed, which cannot hold it against their sliding)"
-        if contact_points(tilted) <= LIMITS.finest_points:
-            finer = with_timestep(tilted, settings.timestep / SLOWEST, SLIDING_STEPS)
-            slow = at_once(finer, replace(LIMITS, fallen=LIMITS.told * LIMITS.moved))
-            if slow.stands or (slow.verdict is Verdict.FELL and creeps(tilted, found, slow, LIMITS)):
-                return f"creep: {tried}, the slower the finer the step is ({slow.timestep * 1e6:.3g} µs: {slow.reason})"
+            return f"{told} ({len(pairs - pressed)} of {len(pairs)} pairs of parts are not pressed together)"
     for gentle in (0.0, 0.4):
         other = judged(tilted, replace(LIMITS, gentle_s=gentle)).verdict
         if other not in (found.verdict, Verdict.FAILED):
@@ -91,23 +76,15 @@ def cause(
 
 
 def coulomb_rays(
-    assembly: Assembly,
-    pairs: IntArray,
-    points: Array,
-    normals: Array,
-    motion: Motion,
-    friction: float,
-    slides: float = OPEN,
+    assembly: Assembly, contacts: Sequence[Contact], motion: Motion, friction: float
 ) -> tuple[int, list[tuple[tuple[int, int], Array, Array]]]:
     """Return how many contact points a fall opens, and the forces that go with it.
-
-    Contact points as (C, 2) pairs of parts, (C, d) points and (C, d) normals. One slides that does so by more than
-    the share `slides` of the fastest relative motion at any.
 
     The forces are one entry per contact point: pair of parts, point (d,), directions (k, d) whose cone the force lies
     in: none where the fall opens it, the friction cone where it sticks, and what lies between the normal and full
     friction against the sliding where it slides: what falls with less than full friction falls all the more.
     """
+    pairs, points, normals = contact_rays(contacts)
     relative = _relative_motion(assembly, pairs, points, motion)
     fastest = np.linalg.norm(relative, axis=1).max()
     out, opened = [], 0
@@ -118,7 +95,7 @@ def coulomb_rays(
         if gap > OPEN * fastest:
             directions = np.zeros((0, len(normal)))
             opened += 1
-        elif speed > slides * fastest:
+        elif speed > OPEN * fastest:
             directions = np.stack([normal, normal - friction * slide / speed])
         else:
             directions = normal + friction * _around(normal)
@@ -126,60 +103,31 @@ def coulomb_rays(
     return opened, out
 
 
-@dataclass(frozen=True, eq=False)
-class Pressing:
-    """What presses while a scene falls: pairs of parts, and contact points as `coulomb_rays` takes them."""
+def pressed_pairs(compiled: Compiled) -> set[tuple[int, int]]:
+    """Return which pairs of parts press on each other while a scene falls: by `PRESSED` of a weight on average.
 
-    pairs: set[tuple[int, int]]
-    rays: tuple[IntArray, Array, Array]
-
-
-def pressing(compiled: Compiled) -> Pressing:
-    """Return which pairs of parts press on each other while a scene of facet pairs falls, and at which points.
-
-    Pairs by `PRESSED` of a weight on average, points by `LEAST_SHARE`. What slides hops, because MuJoCo's friction
-    lifts it, so that single moments would not tell.
+    What slides hops, because MuJoCo's friction lifts it, so that single moments would not tell.
     """
     import mujoco
 
     scene, model, data = compiled.scene, compiled.model, mujoco.MjData(compiled.model)
-    present = scene.contact_model.only(scene.present)
-    shapes = present.geoms
-    # Shapes are compiled by body; the later one of a facet pair is its sphere.
-    number = np.empty(model.ngeom, dtype=np.int64)
-    for k, shape in enumerate(shapes):
-        number[model.geom(f"{scene.assembly.parts[shape.part].name}/{k}").id] = k
+    names = {p.name: k for k, p in enumerate(scene.assembly.parts)}
+    part_of = np.array([names.get(model.body(b).name, -1) for b in range(model.nbody)])
     far = reach(scene.assembly)[compiled.parts]
     mujoco.mj_forward(model, data)
-    start, force, samples = data.qpos.copy(), np.zeros(len(shapes)), 0
+    start, force, samples = data.qpos.copy(), np.zeros((len(names) + 1, len(names) + 1)), 0
     let_go_gently(model, data, round(LIMITS.gentle_s / model.opt.timestep))
     for _ in range(round(LIMITS.first_look_s / model.opt.timestep) // EVERY):
         mujoco.mj_step(model, data, EVERY)
+        first, second = np.sort(part_of[model.geom_bodyid[data.contact.geom]], axis=1).T
         carries = data.contact.efc_address >= 0
-        later = number[data.contact.geom[carries]].max(axis=1)
-        np.add.at(force, later, data.efc_force[data.contact.efc_address[carries]])
+        np.add.at(force, (first[carries], second[carries]), data.efc_force[data.contact.efc_address[carries]])
         samples += 1
         if (displacement_and_speed(compiled, data, start, far)[0] > SEEN * 2.0 * far).any():
             break
     weight = np.array([p.mass for p in scene.assembly.parts]) * float(np.linalg.norm(scene.gravity))
-    pairs: dict[tuple[int, int], float] = {}
-    rays = []
-    for a, b in present.pairs or ():
-        box, sphere = shapes[a], shapes[b]
-        pair = (box.part, sphere.part)
-        share = float(force[b]) / (max(samples, 1) * float(weight[list(pair)].min()))
-        pairs[pair] = pairs.get(pair, 0.0) + share
-        if share >= LEAST_SHARE:
-            rays.append((pair, box.points[0] + box.size[2] * box.rotation[:, 2], box.rotation[:, 2]))
-    axes = [0, 1, 2] if scene.assembly.dimension == 3 else [0, 2]
-    return Pressing(
-        {pair for pair, share in pairs.items() if share >= PRESSED},
-        (
-            np.array([pair for pair, _, _ in rays], dtype=np.int64).reshape(-1, 2),
-            np.array([point for _, point, _ in rays]).reshape(-1, 3)[:, axes],
-            np.array([normal for _, _, normal in rays]).reshape(-1, 3)[:, axes],
-        ),
-    )
+    lighter = np.minimum.outer(weight, weight)
+    return {(int(i), int(j)) for i, j in np.argwhere(force[:-1, :-1] >= PRESSED * samples * lighter)}
 
 
 def _seen(assembly: Assembly, motion: Motion) -> int:

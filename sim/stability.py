@@ -156,14 +156,14 @@ def _undoubted(compiled: Compiled, first: StabilityReport, fine: StabilityReport
     """Return what remains of a fall by the finest step, or by how much slower it gets with finer ones."""
     if fine.verdict is not Verdict.FELL:
         return fine
-    if first.verdict is Verdict.FELL and creeps(compiled, first, fine, limits):
+    if first.verdict is Verdict.FELL and _creeps(compiled, first, fine, limits):
         return _at_rest_in_the_limit(fine, first)
     if contact_points(compiled) > limits.finest_points:
         return fine
     shown = _creep_factor(limits.finer[-1], limits.finest) * _told_after(compiled, fine, limits)
     ends = replace(_ends_early(limits), longest_s=1.1 * max(shown, limits.first_look_s))
     finest = at_once(_finer(compiled, limits.finest), ends)
-    if finest.motion.failure is None and not finest.stands and creeps(compiled, fine, finest, limits):
+    if finest.motion.failure is None and not finest.stands and _creeps(compiled, fine, finest, limits):
         return _at_rest_in_the_limit(finest, fine)
     return finest
 
@@ -183,8 +183,8 @@ def _ends_early(limits: Limits) -> Limits:
     return replace(limits, fallen=limits.told * limits.moved)
 
 
-def creeps(compiled: Compiled, coarse: StabilityReport, fine: StabilityReport, limits: Limits) -> bool:
-    """Return whether the same displacement takes longer in proportion to the number of steps; see `confirmed`."""
+def _creeps(compiled: Compiled, coarse: StabilityReport, fine: StabilityReport, limits: Limits) -> bool:
+    """Return whether the same displacement takes longer in proportion to the number of steps."""
     factor = _creep_factor(fine.timestep, coarse.timestep)
     return _told_after(compiled, fine, limits) > factor * _told_after(compiled, coarse, limits)
 
