@@ -128,7 +128,7 @@ def _parts(data: Mapping[str, Any], film: CellFilm) -> str:
 def _grasp(grasped: Mapping[str, Any] | None) -> str:
     if grasped is None:
         return badge("none", "not grasped")
-    words = f"over {1e3 * grasped['width_m']:.1f} mm"
+    words = f"over {1e3 * grasped['width_m']:.1f} mm" if grasped["width_m"] else "by the cup"
     if grasped["slip_m"] is not None:
         words += f", slipped {1e3 * grasped['slip_m']:.2f} mm and {grasped['slip_deg']:.2f}°"
     lost = badge("bad", "lost") + " " if grasped["held"] is False else ""
