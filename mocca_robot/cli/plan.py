@@ -122,8 +122,8 @@ def lines(built: BuildPlan) -> list[str]:
     if built.falls:
         together = dict.fromkeys(name for fall in built.falls for name in fall.moving)
         out.append(
-            f"no plan: declare what holds them (--supports {','.join(together)}), try another sequence "
-            "(`mocca-robot sequence`), or design for it (goal: support_free)"
+            f"no plan: declare what holds them (--supports {','.join(together)}; --cradles for falsework that brings "
+            "them to their place), try another sequence (`mocca-robot sequence`), or design for it (goal: support_free)"
         )
     for name in built.out_of_reach:
         out.append(f"{name} is out of the arm's reach: build nearer to the base, smaller, or with a longer arm")

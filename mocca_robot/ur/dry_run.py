@@ -57,10 +57,10 @@ class DryRun:
             lines.append(f"vacuum: output {wiring.output}, {switch}; at most {wiring.wait_s:g} s to come or go")
         if words := undrivable(plan):
             lines.append(f"cannot be executed: {words}")
-        if plan.supports:
-            lines.append(f"somebody or something has to hold, once placed: {', '.join(plan.supports)}")
+        if holding := [name for name in plan.supports if name not in plan.cradles]:
+            lines.append(f"somebody or something has to hold, once placed: {', '.join(holding)}")
         if plan.cradles:
-            lines.append(f"of these a cradle at its place has to stand ready for: {', '.join(plan.cradles)}")
+            lines.append(f"cradles have to stand ready, and were not checked for collisions: {', '.join(plan.cradles)}")
         place: tuple[int, int, int | None] | None = None
         for row in self.rows:
             if place != (row.step, row.move, row.alternative):
