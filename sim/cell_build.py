@@ -45,7 +45,7 @@ class Build:
         return Moment(phase, moving, self.free, tuple(sorted(self.held - set(yielding))), tuple(yielding.items()))
 
     def released(self, part: int, pose: Pose) -> Moment:
-        """Return the moment in which `part` is let go at `pose`: its support, if it has one, takes it over there."""
+        """Return the moment in which `part` is let go at `pose`: a support holds it there, a cradle draws it home."""
         if part not in self._supported:
             return self.at("rest", part)
         self._taken[part] = self._cradled.get(part, pose)

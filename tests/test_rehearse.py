@@ -32,8 +32,10 @@ from planners.robot.grasp import find_grasps
 from planners.robot.site import site
 from planners.robot.tool import SuctionGripper
 from sim.cell import SimulatedCell
+from sim.cell_build import Build
 from sim.cell_force import hand_wrench
 from sim.cell_model import SUPPORT_N_M, Moment, Pose, Workplace, compile_moment, seat, workplace
+from sim.cell_world import CellWorld
 from sim.rehearsal import rehearse, waiting, watch
 from sim.rehearsal_json import rehearsal_to_data
 from sim.rehearsal_result import Options, Rehearsal
@@ -223,13 +225,15 @@ def test_a_cradle_brings_a_part_to_its_place_where_a_support_leaves_it() -> None
     for cradles, left in (((), 0.001), (("b0",), 0.0)):
         plan = plan_for(design, ("b0",), cradles)
         place = place_of(design)
-        x, y, z = seat(place.assembly.parts[1]).position
-        with SimulatedCell(place, plan, waiting(place, plan, QUICK)) as arm:
-            arm.put(1, Pose((x, y, z + 0.001)))
-            build, world = arm._build, arm._world
-            world.enter(build.released(1, arm.pose(1)))
-            world.hold(0.3)
-            world.remember()
+        base, home = (seat(p) for p in place.assembly.parts)
+        x, y, z = home.position
+        beside = Pose((x, y, z + 0.001))
+        world = CellWorld(place, {0: base, 1: beside})
+        world.begin(Build(place, plan).released(1, beside), cell().home, 0.0)
+        world.hold(0.3)
+        world.remember()
+        assert math.dist(world.poses[1].position, home.position) == pytest.approx(left, abs=2e-5)
+        with SimulatedCell(place, plan, {**waiting(place, plan, QUICK), 1: world.poses[1]}) as arm:
             standing = watch(arm, 1)
         assert standing.displacement_m == pytest.approx(left, abs=2e-5) and standing.stands
 
