@@ -9,11 +9,11 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import hears_ctrl_c
 
 from mocca_robot.assembly import Assembly
 from mocca_robot.cli import main
@@ -152,9 +152,7 @@ def test_ctrl_c_on_the_command_line_keeps_and_says_so(
 def test_a_real_interrupt_of_a_large_design_and_its_resume(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "mocca_robot.cli", "design", str(CONFIGS / "igloo.yaml"), "-o", str(tmp_path)]
     progress = tmp_path / "design-progress.json"
-    # Where the tests themselves run in the background, Ctrl-C is ignored, and would be here.
-    listening = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=listening) as process:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, preexec_fn=hears_ctrl_c) as process:
         deadline = time.monotonic() + 300.0
         while not progress.exists() and time.monotonic() < deadline:
             time.sleep(0.2)

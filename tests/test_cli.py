@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from processes import hears_ctrl_c
 
 from mocca_robot.cli import main
 
@@ -281,7 +282,7 @@ def test_ctrl_c_keeps_the_design(tmp_path: Path) -> None:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        preexec_fn=hears_ctrl_c,
     )
     try:
         trials = folder / "trials.jsonl"

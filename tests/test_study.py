@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from processes import hears_ctrl_c
 
 from mocca_robot.cli import main
 from mocca_robot.errors import EnvironmentNeeded, InputError
@@ -159,7 +160,7 @@ def test_an_interrupted_command_goes_on_from_there(tmp_path: Path) -> None:
         stderr=subprocess.PIPE,
         text=True,
         cwd=ROOT,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        preexec_fn=hears_ctrl_c,
     )
     store = tmp_path / "out" / "points.jsonl"
     give_up = time.monotonic() + 120.0

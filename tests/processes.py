@@ -1,0 +1,9 @@
+"""Commands in processes of their own, to be interrupted."""
+
+import signal
+
+
+def hears_ctrl_c() -> None:
+    """Have a started process heed SIGINT: where the tests themselves run in the background, it would inherit that
+    Ctrl-C is ignored. To be given as `preexec_fn`."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
