@@ -20,7 +20,8 @@ from mocca_robot.ur.checks import findings
 from mocca_robot.ur.models import MODELS
 from mocca_robot.ur.plan import Move, MoveKind, Plan, Waypoint, insertion_axis, write_plan
 from planners.robot.arm_poses import branches
-from planners.robot.build_plan import BuildPlan, build_plan
+from planners.robot.build_plan import build_plan
+from planners.robot.build_result import BuildPlan
 from planners.robot.cell import RobotCell, read_cell
 from planners.robot.grasp import find_grasps
 from planners.robot.recheck import recheck

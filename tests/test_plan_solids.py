@@ -20,7 +20,8 @@ from mocca_robot.ways_out import insertion_rim, sweep_blockers
 from planners.cone_joints.designer import design
 from planners.robot.arm_poses import branches
 from planners.robot.bench import Bench
-from planners.robot.build_plan import BuildPlan, build_plan
+from planners.robot.build_plan import build_plan
+from planners.robot.build_result import BuildPlan
 from planners.robot.cell import RobotCell, cell_from_document, cell_of, read_cell
 from planners.robot.grasp import find_grasps
 from planners.robot.grasp_suction import pull

@@ -13,7 +13,7 @@ from mocca_robot.cli.simulate import stored_design
 from mocca_robot.errors import InputError
 
 if TYPE_CHECKING:
-    from planners.robot.build_plan import BuildPlan
+    from planners.robot.build_result import BuildPlan
 
 NAMES = 6
 """So many parts of a fall are named; the remedy names them all."""

@@ -19,8 +19,9 @@ from mocca_robot.errors import InputError
 from mocca_robot.files.design_json import StoredDesign
 from mocca_robot.ur.plan import Move, MoveKind, Plan, Step
 from planners.robot.bench import Bench
+from planners.robot.build_result import BuildPlan, PartReport
 from planners.robot.cell import RobotCell
-from planners.robot.falling_states import Fall, falls
+from planners.robot.falling_states import falls
 from planners.robot.grasp import GraspPose, GraspSearch, count, find_grasps, summary
 from planners.robot.pick import picks, reachable, tool_down
 from planners.robot.scene import Scene
@@ -30,7 +31,7 @@ from planners.robot.standing_place import carried_over, standings
 from planners.robot.timed_step import FORCE_N, end, timed_step
 from planners.robot.trajectory import joint_motion
 from planners.robot.transit import connect
-from planners.robot.tray import Tray, tray_layout, with_layout
+from planners.robot.tray import tray_layout, with_layout
 
 ATTEMPTS = 60
 """Per part: grasps times branches that the arm can reach and that fit between the neighbours."""
@@ -39,56 +40,6 @@ PLACES = 3
 """Standing places that are looked at in full when some part finds no way into its place."""
 
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class PartReport:
-    """How planning one part went.
-
-    Attributes:
-        placed: whether a way was found.
-        seconds: wall time.
-        attempts: grasps times arm branches tried.
-        reasons: why attempts failed, with their counts.
-        grasp_width_m: of the grasp used.
-        cone_rad, usable_rad: the part's cone, and how far from its axis the arm could insert instead: its tolerance.
-        out_of_reach: no grasp brings it to its place with any branch of the arm, whatever stands around.
-    """
-
-    part: str
-    placed: bool
-    seconds: float
-    attempts: int
-    reasons: str
-    grasp_width_m: float = 0.0
-    cone_rad: float = 0.0
-    usable_rad: float = 0.0
-    out_of_reach: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class BuildPlan:
-    """A plan, or why there is none.
-
-    Attributes:
-        plan: None when a state falls or a part cannot be placed; with `partial` the steps before that part.
-        reports: one per part that was planned.
-        falls: states that fall without declared supports.
-        cell: with the place, turn and tray that were chosen.
-        site, tray: where everything stands.
-    """
-
-    plan: Plan | None
-    reports: tuple[PartReport, ...]
-    falls: tuple[Fall, ...]
-    cell: RobotCell
-    site: Site
-    tray: Tray
-
-    @property
-    def out_of_reach(self) -> tuple[str, ...]:
-        """Return the parts that no grasp brings to their place with any arm branch, whatever stands around."""
-        return tuple(r.part for r in self.reports if r.out_of_reach)
 
 
 def build_plan(
