@@ -13,7 +13,6 @@ from mocca_robot.assembly import Array, Assembly, BoolArray
 from mocca_robot.contacts import Contact
 from mocca_robot.errors import MoccaError
 from mocca_robot.joints.joint import MANY, contact_rays, spanning_rays
-from mocca_robot.statics.interior_point import solve_interior_point
 from mocca_robot.statics.solvers import SolverFailed
 from mocca_robot.statics.system import ContactSystem
 from mocca_robot.verify import moving_parts
@@ -104,6 +103,8 @@ def _pulled(system: ContactSystem, b: sp.csr_array) -> tuple[Array, bool]:
     Static equilibrium answers a pull with the nearest motion that no contact stops. What is found moves; where
     nothing is found, the linear program decides: for large structures it takes minutes.
     """
+    from mocca_robot.statics.interior_point import solve_interior_point  # compiled code: loaded where it is used
+
     pulls = np.random.default_rng(0).normal(size=(PULLS, b.shape[1]))
     try:
         motions, _ = solve_interior_point(system, pulls, np.zeros(len(system.pairs)))

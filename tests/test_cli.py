@@ -327,7 +327,7 @@ def test_info_has_worked_with_every_solver(capsys: pytest.CaptureFixture[str]) -
 
     assert main(["info", "--json"]) == 0
     found = only_json(capsys.readouterr().out)
-    for name in ("daqp", "piqp", "clarabel", "osqp"):
+    for name in ("daqp", "piqp", "clarabel", "osqp", "numba"):
         assert found["solvers"][name] == metadata.version(name)
     assert found["packages"]["mujoco"] == metadata.version("mujoco")
 

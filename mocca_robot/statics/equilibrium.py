@@ -10,8 +10,7 @@ import numpy as np
 
 from mocca_robot.assembly import Array, BoolArray, IntArray
 from mocca_robot.errors import InputError
-from mocca_robot.statics.interior_point import solve_interior_point
-from mocca_robot.statics.solvers import DENSE_LIMIT, SolverFailed, kkt_residual, solve
+from mocca_robot.statics.solvers import DENSE_LIMIT, SolverFailed, certificate, solve
 from mocca_robot.statics.system import ContactSystem
 from mocca_robot.tolerances import TOLERANCES, Tolerances
 
@@ -137,19 +136,16 @@ def solve_system(
     if len(c) == 0:
         return EquilibriumResult(Status.NOT_IN_EQUILIBRIUM, 0.5, c, system.unscaled_motion(w), 0.0)
     try:
-        v, f = _solved(system, w, c, solver)
+        return _solved(system, w, c, solver, tolerances)
     except SolverFailed:
         nan = np.full(len(c), np.nan)
         return EquilibriumResult(Status.INACCURATE, np.nan, nan, system.unscaled_motion(0 * w), np.inf)
-    return _result(system, w, c, v, f, tolerances)
 
 
 def _result(
     system: ContactSystem, w: Array, c: Array, v: Array, f: Array, tolerances: Tolerances = TOLERANCES
 ) -> EquilibriumResult:
-    residual = w + system.matrix.T @ f
-    kkt = kkt_residual(system.matrix, w, c, v, f)
-    relative = float(np.linalg.norm(residual) / np.linalg.norm(w))
+    relative, kkt = certificate(system.matrix, w, c, v, f)
     return EquilibriumResult(verdict(relative, kkt, tolerances), 0.5 * relative**2, f, system.unscaled_motion(v), kkt)
 
 
@@ -158,6 +154,8 @@ def _stacked(system: ContactSystem, loads: Array, solver: str) -> list[Equilibri
     c = np.zeros(len(system.pairs))
     large = loads.shape[1] * len(c) > DENSE_LIMIT
     if len(loads) > 1 and large and solver in ("auto", "interior_point") and loads.any(axis=1).all():
+        from mocca_robot.statics.interior_point import solve_interior_point  # compiled code: loaded where it is used
+
         try:
             motions, forces = solve_interior_point(system, loads, c)
         except SolverFailed:
@@ -167,18 +165,20 @@ def _stacked(system: ContactSystem, loads: Array, solver: str) -> list[Equilibri
     return [solve_system(system, w, solver=solver) for w in loads]
 
 
-def _solved(system: ContactSystem, w: Array, c: Array, solver: str) -> tuple[Array, Array]:
-    """Return (v, f) from the named solver; 'auto' takes the fastest for the size and falls back on the others."""
-    if solver == "interior_point":
-        return solve_interior_point(system, w, c)
-    if solver == "auto" and len(w) * len(c) > DENSE_LIMIT:
+def _solved(system: ContactSystem, w: Array, c: Array, solver: str, tolerances: Tolerances) -> EquilibriumResult:
+    """Return the result of the named solver; 'auto' takes the fastest for the size and falls back on the others."""
+    ours = solver == "interior_point"
+    if ours or (solver == "auto" and len(w) * len(c) > DENSE_LIMIT):
+        from mocca_robot.statics.interior_point import solve_interior_point  # compiled code: loaded where it is used
+
         try:
-            v, f = solve_interior_point(system, w, c)
-            if kkt_residual(system.matrix, w, c, v, f) <= 1e-8:
-                return v, f
+            result = _result(system, w, c, *solve_interior_point(system, w, c), tolerances)
+            if ours or result.kkt <= 1e-8:
+                return result
         except SolverFailed:
-            pass
-    return solve(system.matrix, w, c, solver)
+            if ours:
+                raise
+    return _result(system, w, c, *solve(system.matrix, w, c, solver), tolerances)
 
 
 def verdict(relative_residual: float, kkt: float, tolerances: Tolerances = TOLERANCES) -> Status:

@@ -10,9 +10,7 @@ import scipy.sparse as sp
 
 from mocca_robot.assembly import Array, BoolArray, IntArray
 from mocca_robot.errors import InputError, nearest
-from mocca_robot.statics.blocks import PairBlocks
 from mocca_robot.statics.equilibrium import EquilibriumResult, Status, solve_system, verdict
-from mocca_robot.statics.friction_cones import solve_friction_cones
 from mocca_robot.statics.solvers import SolverFailed
 from mocca_robot.statics.system import ContactSystem
 
@@ -117,7 +115,9 @@ def cone_kkt(frame: ContactSystem, residual: Array, f: Array) -> float:
 
 
 def _own_solver(frame: ContactSystem, w: Array) -> Array:
-    return solve_friction_cones(PairBlocks.of(frame, together=3), w)
+    from mocca_robot.statics.friction_cones import solve_friction_cones  # compiled code: loaded where it is used
+
+    return solve_friction_cones(frame.blocks, w)
 
 
 def _clarabel(frame: ContactSystem, w: Array) -> Array:

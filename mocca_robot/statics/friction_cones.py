@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from mocca_robot.assembly import Array
-from mocca_robot.statics import lorentz
+from mocca_robot.statics import kernels, lorentz
 from mocca_robot.statics.banded import NotPositiveDefinite
 from mocca_robot.statics.blocks import PairBlocks
 from mocca_robot.statics.interior_point import (
@@ -35,9 +35,8 @@ TOLERANCE = 1e-9
 def solve_friction_cones(blocks: PairBlocks, w: Array) -> Array:
     """Return z (3·contacts,), the forces along the rows of G.
 
-    `blocks` come from a system with three rows [n/μ; t₁; t₂] a contact, kept together (`PairBlocks.of(...,
-    together=3)`); w (n,) is the scaled load of unit norm. Raises SolverFailed when rounding stops the iteration
-    at a relative residual above 1e-6.
+    `blocks` come from a system with three rows [n/μ; t₁; t₂] a contact, one after the other; w (n,) is the
+    scaled load of unit norm. Raises SolverFailed when rounding stops the iteration at a relative residual above 1e-6.
     """
     z, residual = _multipliers(blocks, blocks.own_transposed(w))
     if residual > 1e-6:
@@ -142,16 +141,7 @@ def _balanced(blocks: PairBlocks, z: Array, unbalanced: Array) -> Array | None:
 def _gram(blocks: PairBlocks, b: Array, size: Array) -> Array:
     """Return (P, dof, dof) the sums over each pair's contacts of Gᵀ size (2 b bᵀ − J) G."""
     out = np.empty((len(blocks.first), blocks.dof, blocks.dof))
-    for bucket in blocks.buckets:
-        pairs, dof, m = bucket.rays.shape
-        contacts = slice(bucket.rows.start // 3, bucket.rows.stop // 3)
-        rays = bucket.rays.reshape(pairs, dof, m // 3, 3)
-        own = b[:, contacts].T.reshape(pairs, 1, m // 3, 3)
-        along = (rays * own).sum(axis=3, keepdims=True)
-        weighted = 2.0 * along * own + rays
-        weighted[..., 0] -= 2.0 * rays[..., 0]
-        weighted *= size[contacts].reshape(pairs, 1, m // 3, 1)
-        out[bucket.pairs] = weighted.reshape(pairs, dof, m) @ bucket.rays.transpose(0, 2, 1)
+    kernels.gram_of_cones(blocks.rays, blocks.starts, b, size, out)
     return out
 
 

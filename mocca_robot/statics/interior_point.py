@@ -34,7 +34,7 @@ CLEAR, AMBIGUOUS = 10.0, 0.002
 """Which rays press is clear when z and s differ by more than this ratio, but for this share of the rays."""
 STALLED_AFTER, DIVERGED = 6, 1e4
 """Iterations without progress, or growth of the residual, after which the best iterate so far is the answer."""
-KEEP_AT = 1e-7
+KEEP_AT = 3e-8
 """Centre μ at which an iterate is kept for the next load: later ones are too near the boundary to move from."""
 NEAR_LOAD = 0.2
 """Distance of two loads of unit norm up to which the second starts from where the first came past."""
@@ -78,7 +78,7 @@ def solve_interior_point(system: ContactSystem, w: Array, c: Array) -> tuple[Arr
     before where they are near. Raises SolverFailed when rounding stops one at a relative residual above 1e-6.
     """
     blocks, loads = system.blocks, np.atleast_2d(w)
-    forces = np.empty((len(loads), len(c)))
+    motions, forces = np.empty(loads.shape), np.empty((len(loads), len(c)))
     kept: Kept | None = None
     for k, load in enumerate(loads):
         scale = float(np.linalg.norm(load)) or 1.0
@@ -91,8 +91,8 @@ def solve_interior_point(system: ContactSystem, w: Array, c: Array) -> tuple[Arr
         if residual > 1e-6:
             raise SolverFailed(f"The interior point stopped at a relative residual of {residual:.1e}.")
         forces[k] = blocks.forces(z * scale)
+        motions[k] = load + scale * blocks.own_wrenches(blocks.transposed_times(z))
         kept = replace(after, before=None if kept is None else replace(kept, before=None))
-    motions = loads + (system.matrix.T @ forces.T).T
     return motions.reshape(w.shape), forces.reshape(*w.shape[:-1], -1)
 
 
@@ -133,10 +133,8 @@ def _iterated(problem: Problem, x: Iterate, past: Point | None) -> tuple[Array, 
         left = float(np.linalg.norm(x.unbalanced))
         if left < try_below:
             try_below, pressing = TRY_AGAIN * left, np.ones(len(x.z), dtype=np.bool_)
-        elif x.gap < guess_below:
-            ratio = x.z / x.s
-            if float(((ratio > 1.0 / CLEAR) & (ratio < CLEAR)).mean()) <= AMBIGUOUS:
-                guess_below, pressing = 0.1 * x.gap, ratio > 1.0
+        elif x.gap < guess_below and float(((x.weights > 1 / CLEAR) & (x.weights < CLEAR)).mean()) <= AMBIGUOUS:
+            guess_below, pressing = 0.1 * x.gap, x.weights > 1.0
         if pressing is not None:
             found = on_face(problem.blocks, problem.pull, problem.c, x.z, pressing)
             if found is not None:

@@ -57,13 +57,18 @@ def kkt_residual(b: sp.csr_array, w: Array, c: Array, v: Array, f: Array) -> flo
     Stationarity v = w + Bᵀf, feasibility B v + c ≥ 0 and f ≥ 0, complementarity fᵀ(B v + c) = 0; lengths are
     relative to |w|.
     """
+    return certificate(b, w, c, v, f)[1]
+
+
+def certificate(b: sp.csr_array, w: Array, c: Array, v: Array, f: Array) -> tuple[float, float]:
+    """Return the unbalanced share |w + Bᵀf| / |w| of the load, and the `kkt_residual`."""
     scale = float(np.linalg.norm(w)) or 1.0
-    slack = b @ v + c
-    stationarity = float(np.linalg.norm(v - w - b.T @ f)) / scale
+    slack, unbalanced = b @ v + c, w + b.T @ f
+    stationarity = float(np.linalg.norm(v - unbalanced)) / scale
     primal = float(-min(slack.min(initial=0.0), 0.0)) / scale
     dual = float(-min(f.min(initial=0.0), 0.0)) / scale
     gap = abs(float(f @ slack)) / scale**2
-    return max(stationarity, primal, dual, gap)
+    return float(np.linalg.norm(unbalanced)) / scale, max(stationarity, primal, dual, gap)
 
 
 def solve_daqp(b: sp.csr_array, w: Array, c: Array) -> tuple[Array, Array]:

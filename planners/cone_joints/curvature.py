@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,9 +18,10 @@ from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.sparse.linalg import LinearOperator, cg
 
 from mocca_robot.assembly import Array, BoolArray
-from mocca_robot.statics.banded import Factor
-from mocca_robot.statics.blocks import PairBlocks
 from mocca_robot.statics.system import ContactSystem
+
+if TYPE_CHECKING:
+    from mocca_robot.statics.banded import Factor
 
 LARGE = 1200
 """Unknowns up to which the matrix is written out."""
@@ -130,10 +131,8 @@ def unanswered(system: ContactSystem, forces: Array, free: BoolArray, balance: A
 def answered(system: ContactSystem, forces: Array, free: BoolArray, balance: sp.csr_array) -> Answer:
     """Return the same as a factor of M and the balance changes (n, m), both about the blocks' common point."""
     same = bool((free == system.free).all())
-    blocks = system.blocks if same else PairBlocks.of(system.holding(free))
+    blocks = system.blocks if same else system.holding(free).blocks
     active = forces > IN_CONTACT * max(float(forces.max(initial=0.0)), 1e-300)
     stiffness = np.where(active, forces / STIFF, 0.0)
-    repeats = np.bincount(blocks.source, minlength=blocks.n_rays)
-    weights = stiffness[blocks.source] / repeats[blocks.source]
     shift = sp.block_diag([y.T for y in blocks.to_own], format="csr")
-    return Answer(blocks.factor(blocks.gram(weights)), sp.csr_array(shift @ balance))
+    return Answer(blocks.factor(blocks.gram(stiffness[blocks.source])), sp.csr_array(shift @ balance))
