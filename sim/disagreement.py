@@ -2,29 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence, Set
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from mocca_robot.assembly import Array, Assembly, IntArray
+from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray
 from mocca_robot.contacts import Contact
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.loads import LoadCase
 from mocca_robot.statics import Status
+from mocca_robot.statics.equilibrium import solve_system
+from mocca_robot.statics.system import ContactSystem
 from mocca_robot.verify import solve_rays
 from sim.motion import Motion, displacement_and_speed, let_go_gently, reach
 from sim.scene import Compiled, with_timestep
 from sim.settings import SLIDING_STEPS
-from sim.stability import LIMITS, StabilityReport, Verdict, contact_points, judged
+from sim.stability import LIMITS, StabilityReport, Verdict, at_once, contact_points, judged
 
 NOT_MADE = "friction not made by the fall"
 """Begins the cause of a fall that statics prevents with forces which nothing brings about."""
 SEEN = 0.01
 """Displacement, relative to the part, at which a fall shows which contacts open."""
-OPEN = 0.005
-"""A contact opens, or slides, by more than this share of the fastest relative motion at any contact: micrometres when a
-fall is seen, where contacts that stay closed give by nanometres."""
+MOVES = 0.005
+"""Displacement, relative to the farthest, from which a part takes part in a fall: micrometres when the fall is seen,
+where what stands gives by tenths of one."""
+WEIGHTS, HOPS = 10.0, 2.0
+"""A contact opens, or slides, where it does by more than it gives under so many weights of a part, and by more than so
+many hops: MuJoCo's friction lifts what slides by μ times the way of a step."""
+SHARPEST = 100.0
+"""Divisor of the step for a fall whose opening contacts cannot be told from hops otherwise."""
+ROUNDING = 1e-6
+"""The least opening, relative to the fastest relative motion at any contact."""
+BELIEVED = 1e-7
+"""Residual up to which the rigid motion next to a fall tells which contacts it opens."""
 PRESSED = 0.01
 """Share of the lighter part's weight with which two parts have to press on each other, on average over a fall, for
 friction between them to come of it."""
@@ -59,15 +71,14 @@ def cause(
         else:
             tried += "; finer ones would take hours"
     if found.verdict is Verdict.FELL and settings.friction > 0.0:
-        opened, rays = coulomb_rays(assembly, contacts, found.motion, settings.friction)
-        told = f"{NOT_MADE}: {tried}; statics, too, lets it fall with the forces that go with this fall"
-        if not _holds(assembly, contacts, case, rays):
-            return f"{told} ({opened} of {len(rays)} contact points open)"
+        told = f"{NOT_MADE}: {tried}; statics lets it fall as well with the forces that go with this fall"
         pressed = pressed_pairs(with_timestep(tilted, settings.timestep / LIMITS.finer[0], SLIDING_STEPS))
-        kept = [(pair, point, d if pair in pressed else d[:0]) for pair, point, d in rays]
-        if not _holds(assembly, contacts, case, kept):
-            pairs = {pair for pair, _, _ in rays}
-            return f"{told} ({len(pairs - pressed)} of {len(pairs)} pairs of parts are not pressed together)"
+        for fall in _falls(assembly, contacts, tilted, found):
+            if not holds(assembly, contacts, case, fall):
+                return f"{told} ({fall.opened} of {fall.opened + len(fall.rays)} contact points open)"
+            if not holds(assembly, contacts, case, fall.only(pressed)):
+                pairs = {pair for pair, _, _ in fall.rays}
+                return f"{told} ({len(pairs - pressed)} of {len(pairs)} pairs of parts are not pressed together)"
     for gentle in (0.0, 0.4):
         other = judged(tilted, replace(LIMITS, gentle_s=gentle)).verdict
         if other not in (found.verdict, Verdict.FAILED):
@@ -75,32 +86,81 @@ def cause(
     return f"none found ({tried}; another way of letting go changes nothing)"
 
 
-def coulomb_rays(
-    assembly: Assembly, contacts: Sequence[Contact], motion: Motion, friction: float
-) -> tuple[int, list[tuple[tuple[int, int], Array, Array]]]:
-    """Return how many contact points a fall opens, and the forces that go with it.
+@dataclass(frozen=True, eq=False)
+class Fall:
+    """The forces that go with a fall.
 
-    The forces are one entry per contact point: pair of parts, point (d,), directions (k, d) whose cone the force lies
-    in: none where the fall opens it, the friction cone where it sticks, and what lies between the normal and full
-    friction against the sliding where it slides: what falls with less than full friction falls all the more.
+    Attributes:
+        moving: (N,) the parts that fall; others stand.
+        opened: contact points of theirs that open.
+        rays: one entry per contact point that stays closed: pair of parts, point (d,), directions (k, d) whose cone the
+            force lies in. That is the friction cone where it sticks, and what lies between the normal and full friction
+            against the sliding where it slides: what falls with less than full friction falls all the more.
     """
+
+    moving: BoolArray
+    opened: int
+    rays: tuple[tuple[tuple[int, int], Array, Array], ...]
+
+    def only(self, pairs: Set[tuple[int, int]]) -> Fall:
+        """Return the fall with forces between some pairs of parts only."""
+        return replace(self, rays=tuple(r for r in self.rays if r[0] in pairs))
+
+
+def _falls(assembly: Assembly, contacts: Sequence[Contact], tilted: Compiled, found: StabilityReport) -> Iterator[Fall]:
+    """Yield the forces that go with the fall `found`, then those of the same fall with the sharpest step."""
+    settings, ends = tilted.scene.settings, replace(LIMITS, fallen=LIMITS.told * LIMITS.moved)
+    for step in (found.timestep, settings.timestep / SHARPEST):
+        if step != found.timestep:
+            if contact_points(tilted) > LIMITS.finest_points:
+                return
+            found = at_once(with_timestep(tilted, step, SLIDING_STEPS), ends)
+        speed = float(found.motion.speed[_seen(assembly, found.motion)].max())
+        give = replace(settings, timestep=step, contact_steps=SLIDING_STEPS).give
+        fall = coulomb_rays(
+            assembly,
+            contacts,
+            found.motion,
+            settings.friction,
+            WEIGHTS * give + HOPS * settings.friction * speed * step,
+        )
+        if found.verdict is Verdict.FELL and fall is not None:
+            yield fall
+
+
+def coulomb_rays(
+    assembly: Assembly, contacts: Sequence[Contact], motion: Motion, friction: float, least: float
+) -> Fall | None:
+    """Return the forces that go with a fall; None where its motion cannot be told well enough.
+
+    Which contacts a fall opens is read from the rigid motion next to it, which Eq. 7 finds: parts do not enter each
+    other, and what stays closed does so exactly. A contact opens, or slides, by more than `least` metres.
+    """
+    farthest = motion.displacement[_seen(assembly, motion)]
+    moving = np.zeros(len(assembly.parts), dtype=np.bool_)
+    moving[motion.parts[farthest > MOVES * farthest.max()]] = True
     pairs, points, normals = contact_rays(contacts)
-    relative = _relative_motion(assembly, pairs, points, motion)
-    fastest = np.linalg.norm(relative, axis=1).max()
-    out, opened = [], 0
-    for pair, point, normal, move in zip(pairs, points, normals, relative):
-        gap = float(move @ normal)
-        slide = move - gap * normal
-        speed = float(np.linalg.norm(slide))
-        if gap > OPEN * fastest:
-            directions = np.zeros((0, len(normal)))
-            opened += 1
-        elif speed > OPEN * fastest:
-            directions = np.stack([normal, normal - friction * slide / speed])
+    theirs = moving[pairs].any(axis=1)
+    pairs, points, normals = pairs[theirs], points[theirs], normals[theirs]
+    about = np.array([p.centroid for p in assembly.parts])
+    system = ContactSystem.build(pairs, points, normals, moving, about)
+    result = solve_system(system, system.scaled_motion(_twists(assembly, motion)))
+    if not result.kkt <= BELIEVED:
+        return None
+    i, j = pairs.T
+    relative = _velocity(result.motions, about, j, points) - _velocity(result.motions, about, i, points)
+    gaps = np.einsum("cd,cd->c", relative, normals)
+    slides = relative - gaps[:, None] * normals
+    speeds = np.linalg.norm(slides, axis=1)
+    least = max(least, ROUNDING * float(np.linalg.norm(relative, axis=1).max(initial=0.0)))
+    rays = []
+    for c in np.flatnonzero(gaps <= least):
+        if speeds[c] > least:
+            directions = np.stack([normals[c], normals[c] - friction * slides[c] / speeds[c]])
         else:
-            directions = normal + friction * _around(normal)
-        out.append(((int(pair[0]), int(pair[1])), point, directions))
-    return opened, out
+            directions = normals[c] + friction * _around(normals[c])
+        rays.append(((int(i[c]), int(j[c])), points[c], directions))
+    return Fall(moving, len(pairs) - len(rays), tuple(rays))
 
 
 def pressed_pairs(compiled: Compiled) -> set[tuple[int, int]]:
@@ -148,41 +208,34 @@ def _around(normal: Array, count: int = 16) -> Array:
     return np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(normal, first))
 
 
-def _relative_motion(assembly: Assembly, pairs: IntArray, points: Array, motion: Motion) -> Array:
-    """Return how far each contact point of the later part has gone from that of the earlier one, once clearly."""
-    sample = _seen(assembly, motion)
-    moved = {int(p): _displaced(assembly, int(p), motion.poses[sample][k]) for k, p in enumerate(motion.parts)}
-    still = (np.eye(assembly.dimension), np.zeros(assembly.dimension))
-    travel = np.zeros((2, *points.shape))
-    for side in (0, 1):
-        for part in np.unique(pairs[:, side]):
-            mine = pairs[:, side] == part
-            turn, shift = moved.get(int(part), still)
-            centre = assembly.parts[part].centroid
-            travel[side, mine] = (points[mine] - centre) @ turn.T + centre + shift - points[mine]
-    return np.asarray(travel[1] - travel[0])
+def _twists(assembly: Assembly, motion: Motion) -> Array:
+    """Return (N, dof) shift of the centroid and turn (radians) of every part when the fall is clearly seen."""
+    sample, d = _seen(assembly, motion), assembly.dimension
+    out = np.zeros((len(assembly.parts), 3 if d == 2 else 6))
+    for k, part in enumerate(motion.parts):
+        pose = motion.poses[sample][k]
+        if d == 2:
+            out[part] = pose
+        else:
+            turn = Rotation.from_quat(np.roll(pose[3:], -1))  # MuJoCo has w first
+            out[part] = [*(pose[:3] - assembly.parts[part].centroid), *turn.as_rotvec()]
+    return out
 
 
-def _displaced(assembly: Assembly, part: int, pose: Array) -> tuple[Array, Array]:
-    """Return rotation and shift of a part from its place; flat poses are x, y, turn."""
-    import mujoco
-
-    if len(pose) == 3:
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        return np.array([[c, -s], [s, c]]), pose[:2]
-    turn = np.zeros(9)
-    mujoco.mju_quat2Mat(turn, np.ascontiguousarray(pose[3:]))
-    return turn.reshape(3, 3), pose[:3] - assembly.parts[part].centroid
+def _velocity(motions: Array, about: Array, parts: IntArray, points: Array) -> Array:
+    """Return (C, d) the velocity of points (C, d) as points of `parts` (C,), whose motions are (N, dof)."""
+    d, lever = points.shape[1], points - about[parts]
+    turn = motions[parts, d:]
+    if d == 2:
+        return np.asarray(motions[parts, :2] + turn * np.stack([-lever[:, 1], lever[:, 0]], axis=1))
+    return np.asarray(motions[parts, :3] + np.cross(turn, lever))
 
 
-def _holds(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
-    case: LoadCase,
-    rays: Sequence[tuple[tuple[int, int], Array, Array]],
-) -> bool:
-    directions = np.concatenate([d for _, _, d in rays])
-    pairs = np.array([pair for pair, _, d in rays for _ in d])
-    points = np.array([point for _, point, d in rays for _ in d])
-    normals = directions / np.linalg.norm(directions, axis=1)[:, None]
-    return solve_rays(assembly, contacts, case, (pairs, points, normals)).status is Status.EQUILIBRIUM
+def holds(assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, fall: Fall) -> bool:
+    """Return whether its forces hold the parts that fall, while the others stand."""
+    directions = [d / np.linalg.norm(d, axis=1)[:, None] for _, _, d in fall.rays]
+    pairs = np.array([pair for pair, _, d in fall.rays for _ in d], dtype=np.int64).reshape(-1, 2)
+    points = np.array([point for _, point, d in fall.rays for _ in d]).reshape(-1, assembly.dimension)
+    normals = np.concatenate([np.zeros((0, assembly.dimension)), *directions])
+    there = replace(case, held=case.held | ~fall.moving)
+    return solve_rays(assembly, contacts, there, (pairs, points, normals)).status is Status.EQUILIBRIUM

@@ -54,13 +54,17 @@ class Settings:
         return (self.contact_steps * self.timestep, 1.0)
 
     @property
+    def give(self) -> float:
+        """Return what a contact gives (m) under a part: (1 − d) g τ² with time constant τ and impedance d = 0.99."""
+        return 0.1 * self.solref[0] ** 2
+
+    @property
     def margin(self) -> float:
         """Return how far apart (m) what should touch already does.
 
-        MuJoCo leaves out contacts that do not overlap, and a touch that rounding opens carries nothing. This is a
-        tenth of what a contact gives under one part's weight: (1 − d) g τ² with time constant τ and impedance d = 0.99.
+        MuJoCo leaves out contacts that do not overlap, and a touch that rounding opens carries nothing.
         """
-        return 0.01 * self.solref[0] ** 2
+        return 0.1 * self.give
 
 
 def settings_for(assembly: Assembly, friction: float = 0.0, free_parts: int | None = None) -> Settings:
