@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 from typing import Any, TypeVar
 
 import numpy as np
@@ -32,9 +33,9 @@ from sim.tilt import TiltReport, azimuths, tilt_scene
 from sim.trial_rows import Carried, detailed_tilt_row, insertion_rows, state_row, tilt_row
 from sim.trial_store import Row, Trial, TrialStore, run_trials
 
-METHOD = {"state": 11, "tilt": 11, "insert": 14, "robust": 14}
+METHOD = {"state": 12, "tilt": 12, "insert": 14, "robust": 14}
 """Raise what a trial's verdict is reached by in another way: trials kept from before then run again."""
-MANY_INSERTIONS = 60
+MANY_RUNS = 60
 """About how many insertions make up for starting processes: each step of theirs runs Python, which threads share."""
 FEW_RIM = 3
 """Ways on the rim along which a part goes in on top of a large structure that is free to move: each takes seconds."""
@@ -59,7 +60,7 @@ def simulate(
         progress: called with (what was done, trials done, trials in all of this stage).
         store: keeps finished trials, so that an interrupted simulation resumes; default: in memory.
         executor: runs the trials; default: `questions.threads` threads.
-        processes: runs the insertions in its stead where they are many.
+        processes: runs insertions, and tilts with them, in its stead where they are many.
 
     Ctrl-C ends it early with `interrupted` set and everything that was finished. Raises InputError for parts that
     overlap, float free or have no mass, and for models that would not fit into memory.
@@ -72,23 +73,33 @@ def simulate(
     require_sound(assembly, report)
     work = _Work(assembly, report.contacts, insertion or {}, questions, progress, store, executor, processes)
     result = Simulation(assembly.name, f"mujoco {mujoco.__version__}", assembly.dimension, notes=_near_misses(report))
-    stages: tuple[tuple[str, Callable[[Simulation], Simulation]], ...] = (
-        ("states", work.states),
-        ("tilt", work.tilt),
-        ("insertion", work.insertion),
-        ("robust", work.robust),
-    )
     seconds: dict[str, float] = {}
-    for name, stage in stages:
-        if name in questions.stages and not result.interrupted:
+    for group in ((work.states,), (work.tilt, work.insertion), (work.robust,)):
+        asked = [stage for stage in group if stage.__name__ in questions.stages]
+        if asked and not result.interrupted:
             started = time.perf_counter()
-            result = stage(result)
-            seconds[name] = time.perf_counter() - started
+            result = work.done([stage(result) for stage in asked], result)
+            seconds[" and ".join(stage.__name__ for stage in asked)] = time.perf_counter() - started
     return replace(result, seconds={**seconds, "total": sum(seconds.values())})
 
 
+@dataclass(frozen=True)
+class _Stage:
+    """What a stage wants to find out.
+
+    Attributes:
+        trials: in the order of their rows.
+        told: returns the simulation with the rows that were finished.
+        runs: about how many runs of MuJoCo they are.
+    """
+
+    trials: Sequence[Trial]
+    told: Callable[[Simulation, Sequence[Row]], Simulation]
+    runs: int = 0
+
+
 class _Work:
-    """The stages over one assembly; each takes the simulation so far and returns it with its results."""
+    """The stages over one assembly; each takes the simulation so far, for what it has to know of it."""
 
     def __init__(
         self,
@@ -109,7 +120,21 @@ class _Work:
         self.hash = assembly_hash(assembly)
         self._touching_at: dict[float, ContactModel | Sequence[PairRays]] = {}
 
-    def states(self, so_far: Simulation) -> Simulation:
+    def done(self, stages: Sequence[_Stage], so_far: Simulation) -> Simulation:
+        """Return the simulation with what stages that run side by side find out."""
+        trials = [trial for stage in stages for trial in stage.trials]
+        many = self.processes is not None and sum(stage.runs for stage in stages) >= MANY_RUNS
+        executor = self.processes if many else self.executor
+        rows = iter(run_trials(trials, self.store, self.ask.threads, self.progress, executor))
+        for stage in stages:
+            mine = list(islice(rows, len(stage.trials)))
+            found = [row for row in mine if row is not None]
+            so_far = stage.told(so_far, found)
+            if len(found) < len(mine):
+                so_far = replace(so_far, interrupted=True)
+        return so_far
+
+    def states(self, so_far: Simulation) -> _Stage:
         touching = self._touching(self.ask.friction)
         trials = [
             Trial(
@@ -119,17 +144,17 @@ class _Work:
             )
             for case in state_cases(self.assembly)
         ]
-        rows, complete = self._rows(trials, self.executor)
-        return self._finished(replace(so_far, states=tuple(_restored(StateResult, r) for r in rows)), complete)
+        return _Stage(trials, lambda s, rows: replace(s, states=tuple(_restored(StateResult, r) for r in rows)))
 
-    def tilt(self, so_far: Simulation) -> Simulation:
+    def tilt(self, so_far: Simulation) -> _Stage:
         frictions = sorted({*(self.ask.tilt_frictions or TILT_FRICTIONS), self.ask.friction})
         prepared: dict[float, Compiled | Sequence[PairRays]] = {}
+        notes: list[str] = []
         for mu in frictions:
             found = self._touching(mu)
             unasked = self.ask.tilt_frictions is None and mu not in (0.0, self.ask.friction)
             if unasked and _contact_points(found) > LIMITS.finest_points:
-                so_far = replace(so_far, notes=(*so_far.notes, _left_out(mu)))
+                notes.append(_left_out(mu))
             else:
                 prepared[mu] = tilt_scene(self.assembly, found, mu) if isinstance(found, ContactModel) else found
         trials = [
@@ -139,14 +164,18 @@ class _Work:
                 partial(tilt_row, ready, self.contacts, float(a))
                 if isinstance(ready, Compiled)
                 else partial(detailed_tilt_row, self.assembly, self.contacts, ready, float(a), mu),
+                takes_long=mu > 0.0,
             )
             for mu, ready in prepared.items()
             for a in azimuths(self.assembly, self.ask.azimuths)
         ]
-        rows, complete = self._rows(trials, self.executor)
-        return self._finished(replace(so_far, tilt=tuple(_restored(TiltReport, r) for r in rows)), complete)
 
-    def insertion(self, so_far: Simulation) -> Simulation:
+        def told(s: Simulation, rows: Sequence[Row]) -> Simulation:
+            return replace(s, tilt=tuple(_restored(TiltReport, r) for r in rows), notes=(*s.notes, *notes))
+
+        return _Stage(trials, told)
+
+    def insertion(self, so_far: Simulation) -> _Stage:
         resting = resting_model(self.assembly, self.contacts)
         trials: list[Trial] = []
         cones: list[ConeSummary] = []
@@ -169,17 +198,17 @@ class _Work:
                 Trial(f"insert {part.name}", (*self._identity("insert"), *what), find_out)
                 for what, find_out in self._insertion_groups(resting, cone, standing[index])
             ]
-        many = self.processes is not None and len(trials) * self.ask.directions >= MANY_INSERTIONS
-        rows, complete = self._rows(trials, self.processes if many else self.executor)
-        found = tuple(_restored(InsertionTrial, t) for row in rows for t in row["trials"])
-        result = replace(so_far, cones=tuple(cones), insertion=found, notes=(*so_far.notes, *notes))
-        return self._finished(result, complete)
 
-    def robust(self, so_far: Simulation) -> Simulation:
+        def told(s: Simulation, rows: Sequence[Row]) -> Simulation:
+            found = tuple(_restored(InsertionTrial, t) for row in rows for t in row["trials"])
+            return replace(s, cones=tuple(cones), insertion=found, notes=(*s.notes, *notes))
+
+        return _Stage(trials, told, runs=len(trials) * self.ask.directions)
+
+    def robust(self, so_far: Simulation) -> _Stage:
         identity = self._identity("robust")
         trials = robust_trials(self.assembly, self.contacts, self.ways, self.ask.robust, self.ask.seed, identity)
-        rows, complete = self._rows(trials, self.executor)
-        return self._finished(replace(so_far, robust=robust_report(rows, self.ask.robust)), complete)
+        return _Stage(trials, lambda s, rows: replace(s, robust=robust_report(rows, self.ask.robust)))
 
     def _insertion_groups(
         self, resting: ContactModel, cone: InsertionCone, below_stands: bool
@@ -249,14 +278,6 @@ class _Work:
         import mujoco
 
         return kind, self.hash, f"mujoco {mujoco.__version__}, method {METHOD[kind]}"
-
-    def _rows(self, trials: Sequence[Trial], executor: Executor | None) -> tuple[list[Row], bool]:
-        rows = run_trials(trials, self.store, self.ask.threads, self.progress, executor)
-        done = [row for row in rows if row is not None]
-        return done, len(done) == len(trials)
-
-    def _finished(self, result: Simulation, complete: bool) -> Simulation:
-        return result if complete else replace(result, interrupted=True)
 
 
 def _contact_points(touching: ContactModel | Sequence[PairRays]) -> int:

@@ -28,11 +28,13 @@ class Trial:
         content: everything that decides the outcome, as plain values; its hash is the trial's name in the store.
         find_out: returns the row; runs in a thread, MuJoCo releases Python's lock. It can be pickled, for other
             processes and machines.
+        takes_long: it begins before others, so that it does not end alone.
     """
 
     label: str
     content: tuple[Any, ...]
     find_out: Callable[[], Row]
+    takes_long: bool = False
 
 
 class TrialStore:
@@ -85,7 +87,7 @@ def run_trials(
     """
     keys = [content_hash(t.content) for t in trials]
     rows = [store.get(key) for key in keys]
-    todo = [k for k, row in enumerate(rows) if row is None]
+    todo = sorted((k for k, row in enumerate(rows) if row is None), key=lambda k: not trials[k].takes_long)
     done = len(trials) - len(todo)
     workers = threads or os.cpu_count() or 1
     pool = ThreadPoolExecutor(max_workers=workers) if executor is None else executor

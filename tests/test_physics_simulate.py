@@ -50,6 +50,15 @@ def test_progress_counts_up_to_the_end_of_each_stage(simulated):
     assert seen[-1][1] == seen[-1][2]
 
 
+def test_stages_that_run_side_by_side_find_out_what_each_does_alone(simulated):
+    assembly, found, seen = simulated
+    assert {s[0].split()[0] for s in seen if s[2] == seen[-1][2]} == {"tilt", "insert"}
+    assert simulate(assembly, None, replace(ASK, stages=("tilt",))).tilt == found.tilt
+    # States tell whether what is below a part stands, and so whether it is tried free.
+    alone = simulate(assembly, None, replace(ASK, stages=("states", "insertion")))
+    assert len(alone.insertion) > 0 and alone.insertion == found.insertion
+
+
 def test_the_file_is_the_contract_and_plain_json(simulated, tmp_path):
     _, found, _ = simulated
     data = read_simulation(write_simulation(found, tmp_path / "simulation.json"))
