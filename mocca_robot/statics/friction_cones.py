@@ -86,7 +86,7 @@ def _newton_step(blocks: PairBlocks, s: Array, z: Array, r_dual: Array, r_primal
     """Return (du, ds, dz) of one predictor–corrector step in Nesterov–Todd scaling."""
     scaling = lorentz.Scaling.of(s, z)
     scaled = scaling.times(z)  # λ = W z = W⁻¹ s
-    factor = blocks.factor(_gram(blocks, _mirrored(scaling.b), scaling.eta**-2))
+    factor = blocks.factor(_gram(blocks, scaling.mirrored, scaling.eta**-2))
     mu = float((s * z).sum()) / s.shape[1]
 
     def direction(q: Array, refine: bool) -> tuple[Array, Array, Array]:
@@ -153,7 +153,3 @@ def _columns(x: Array) -> Array:
 def _flat(x: Array) -> Array:
     """Return (3, C) as rows (3·C,)."""
     return np.ascontiguousarray(x.T).ravel()
-
-
-def _mirrored(x: Array) -> Array:
-    return np.stack([x[0], -x[1], -x[2]])

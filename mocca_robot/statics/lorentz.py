@@ -7,6 +7,7 @@ solvers" (2010); for the cones of one contact force each.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -68,20 +69,26 @@ class Scaling:
         gamma = np.sqrt(0.5 * (1.0 + (s_unit * z_unit).sum(axis=0)))
         return cls(b / (2.0 * gamma), (ss / zz) ** 0.25)
 
+    @cached_property
+    def mirrored(self) -> Array:
+        """Return J b, (3, C)."""
+        return np.stack([self.b[0], -self.b[1], -self.b[2]])
+
     def times(self, x: Array) -> Array:
         """Return W x."""
         return self._apply(self.b, self.eta, x)
 
     def divide(self, x: Array) -> Array:
         """Return W⁻¹ x."""
-        return self._apply(_mirror(self.b), 1.0 / self.eta, x)
+        return self._apply(self.mirrored, 1.0 / self.eta, x)
 
     def divide_twice(self, x: Array) -> Array:
         """Return W⁻² x."""
-        mirrored = _mirror(self.b)
-        out = 2.0 * (mirrored * x).sum(axis=0) * mirrored + x
+        y = self.mirrored
+        out = 2.0 * (y[0] * x[0] + y[1] * x[1] + y[2] * x[2]) * y + x
         out[0] -= 2.0 * x[0]
-        return np.asarray(out / self.eta**2)
+        out /= self.eta**2
+        return np.asarray(out)
 
     @staticmethod
     def _apply(b: Array, eta: Array, x: Array) -> Array:
@@ -89,7 +96,3 @@ class Scaling:
         out = x + (x[0] + along / (1.0 + b[0])) * b
         out[0] = b[0] * x[0] + along
         return np.asarray(eta * out)
-
-
-def _mirror(x: Array) -> Array:
-    return np.stack([x[0], -x[1], -x[2]])
