@@ -157,8 +157,11 @@ def _contacts(run: Run, docs: Path) -> str:
 
 
 def _physics(run: Run, docs: Path) -> str:
-    rows = [(r.case.rpartition("-")[0], r.case.rpartition("-")[2], r.verdict.split(",")[0]) for r in run.rows]
-    return f"{PHYSICS_TEXT}\n\n{_table(('what', 'threads', 'rate'), rows)}"
+    rows = []
+    for r in run.rows:
+        (what, _, threads), (rate, _, size) = r.case.rpartition("-"), r.verdict.partition("; ")
+        rows.append((what, threads, rate.split(",")[0], size or "–", f"{r.memory_mb:.0f} MB"))
+    return f"{PHYSICS_TEXT}\n\n{_table(('what', 'threads or processes', 'rate', 'model', 'memory'), rows)}"
 
 
 def _growth(run: Run, docs: Path) -> str:

@@ -19,7 +19,7 @@ from mocca_robot.cli.info import cpu
 FOLDER = Path(__file__).parents[1] / "out" / "bench"
 NOISE_RATIO, NOISE_S = 1.5, 0.02
 """Slower by this factor and by this many seconds: less is what the same programme shows on a shared machine."""
-PACKAGES = ("mocca-robot", "numpy", "scipy", "shapely", "mujoco", "clarabel", "piqp", "daqp", "osqp", "qpalm")
+PACKAGES = ("mocca-robot", "numpy", "scipy", "shapely", "mujoco", "clarabel", "piqp", "daqp", "osqp", "qpalm", "numba")
 
 
 @dataclass(frozen=True)
