@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array, Assembly, Goal, IntArray, Mesh, Polygon
+from mocca_robot.assembly import Array, Assembly, BoolArray, Goal, IntArray, Mesh, Polygon
 from mocca_robot.contacts import Contact, find_contacts, to_shapely
 from mocca_robot.executors import mapped
 from mocca_robot.insertion import InsertionVerdict, insertion_verdicts
 from mocca_robot.joints.joint import contact_rays, spanning_rays
 from mocca_robot.loads import LoadCase, case_wrenches, load_cases, tilted_gravity
-from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium
+from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium, solve_system
+from mocca_robot.statics.system import ContactSystem
 from mocca_robot.statics.tilt import critical_angle
 
 
@@ -35,15 +36,36 @@ def solve_case(assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, 
     Contact forces come back one per corner of every contact, zero where a part is absent, or, without friction, where
     other corners can exert the same forces.
     """
-    pairs, points, normals = contact_rays(contacts)
-    there = case.present[pairs].all(axis=1)
     if friction == 0.0:
-        there &= spanning_rays(tuple(contacts))
-    result = solve_rays(assembly, contacts, case, (pairs[there], points[there], normals[there]), friction)
-    forces = np.zeros((len(pairs), *result.forces.shape[1:]))
+        system, there = _system(assembly, tuple(contacts), case.present.tobytes(), case.free.tobytes())
+        result = solve_system(system, system.scaled(case_wrenches(case, assembly, contacts)))
+    else:
+        pairs, points, normals = contact_rays(contacts)
+        there = np.asarray(case.present[pairs].all(axis=1))
+        result = solve_rays(assembly, contacts, case, (pairs[there], points[there], normals[there]), friction)
+    forces = np.zeros((len(there), *result.forces.shape[1:]))
     forces[there] = result.forces
     full = EquilibriumResult(result.status, result.infeasibility, forces, result.motions, result.kkt)
     return CaseVerdict(case, full, () if result.stands else moving_parts(assembly, result.motions))
+
+
+@lru_cache(maxsize=4)
+def _system(
+    assembly: Assembly, contacts: tuple[Contact, ...], present: bytes, free: bytes
+) -> tuple[ContactSystem, BoolArray]:
+    """Return what all loads on the same parts have in common, and which of all contact rays (C,) it has.
+
+    `present` and `free` are masks (N,) as bytes.
+    """
+    whole = _whole_system(assembly, contacts)
+    there = spanning_rays(contacts) & np.frombuffer(present, dtype=np.bool_)[whole.pairs].all(axis=1)
+    return whole.subset(there).holding(np.frombuffer(free, dtype=np.bool_)), there
+
+
+@lru_cache(maxsize=4)
+def _whole_system(assembly: Assembly, contacts: tuple[Contact, ...]) -> ContactSystem:
+    about = np.array([p.centroid for p in assembly.parts])
+    return ContactSystem.build(*contact_rays(contacts), ~assembly.fixed, about, assembly.size / 2)
 
 
 def solve_rays(
