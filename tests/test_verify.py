@@ -4,11 +4,17 @@ import numpy as np
 import pytest
 from physics_models import box_mesh, jointed, stack
 
+from mocca_robot import verify
 from mocca_robot.assembly import Assembly, Part
 from mocca_robot.contacts import find_contacts
 from mocca_robot.insertion import insertion_verdicts
 from mocca_robot.joints.joint import spanning_rays
 from mocca_robot.verify import case_at, critical_tilt, solve_case
+
+
+def forget() -> None:
+    spanning_rays.cache_clear()
+    verify._system.cache_clear()
 
 
 def test_rays_that_span_give_the_same_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -20,7 +26,7 @@ def test_rays_that_span_give_the_same_verdict(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr("mocca_robot.joints.joint.MANY", 0)
     monkeypatch.setattr("mocca_robot.joints.joint.CROWDED", 0)
     fewer = contacts[:]  # the same contacts, but not in what is remembered
-    spanning_rays.cache_clear()
+    forget()
     assert 0 < spanning_rays(fewer).sum() < len(spanning_rays(fewer))
     for before, angle in zip(all_rays, angles, strict=True):
         after = solve_case(assembly, fewer, case_at(assembly, angle, 0.0))
@@ -28,7 +34,7 @@ def test_rays_that_span_give_the_same_verdict(monkeypatch: pytest.MonkeyPatch) -
         assert after.result.infeasibility == pytest.approx(before.result.infeasibility, abs=1e-12)
         assert not after.result.forces[~spanning_rays(fewer)].any()
     assert critical_tilt(assembly, fewer, 0.0) == pytest.approx(tilt, abs=1e-5)
-    spanning_rays.cache_clear()
+    forget()
 
 
 def test_a_barred_way_in_is_not_the_only_one() -> None:
