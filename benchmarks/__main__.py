@@ -14,6 +14,7 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 if TYPE_CHECKING:
     from benchmarks.measurement import Measurement
+    from benchmarks.store import Run
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -33,10 +34,19 @@ def main(arguments: list[str] | None = None) -> int:
 
         print(write_page())
         return 0
-    rows = []
-    for row in benches[options.name](options.quick, options.case):
-        rows.append(row)
-        print(row.json() if options.json else _line(row), flush=True)
+    from benchmarks.store import keep, path_of, read
+
+    before = read(path_of(options.name, options.quick))
+    rows: list[Measurement] = []
+    whole = False
+    try:
+        for row in benches[options.name](options.quick, options.case):
+            rows.append(row)
+            print(row.json() if options.json else _line(row), flush=True)
+        whole = options.case is None
+    finally:
+        if options.keep and rows:  # also what an interrupted run has
+            keep(options.name, rows, options.quick, merge=not whole)
     if not rows:
         print(f"No case of '{options.name}' contains '{options.case}'.", file=sys.stderr)
         return 2
@@ -45,11 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
 
         Path(options.plot).write_text(time_figure(rows, f"{options.name}: seconds over parts"), encoding="utf-8")
     if options.compare:
-        _compare(options.name, rows, options.quick)
-    if options.keep:
-        from benchmarks.store import keep
-
-        keep(options.name, rows, options.quick, merge=options.case is not None)
+        _compare(rows, before)
     return 0
 
 
@@ -91,10 +97,9 @@ def _line(row: Measurement) -> str:
     )
 
 
-def _compare(name: str, rows: list[Measurement], quick: bool) -> None:
-    from benchmarks.store import changes, path_of, read
+def _compare(rows: list[Measurement], before: Run | None) -> None:
+    from benchmarks.store import changes
 
-    before = read(path_of(name, quick))
     if before is None:
         print("  nothing was kept on this machine to compare with", file=sys.stderr)
         return

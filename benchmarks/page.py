@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -54,6 +55,12 @@ INSERTIONS_TEXT = """Every part driven home by a compliant hand along directions
 at three clearances, with the grip off by 0.5 mm or 1°, and with the earlier parts left free. *Allowed* is 5 % of the
 part's weight plus the hand's stiffness times its error. Outside means 3° outside the realised motion cone: nothing may
 pass."""
+
+PLANS_TEXT = """Every part of a design planned for a UR arm: grasp, transit, insertion, retreat, on one core. What is
+out of reach is named."""
+BUILDS_TEXT = """Designed, planned, rehearsed in MuJoCo with arm, hand and parts, and executed through the real
+`ur-rtde` client on the fake controller in another process, which runs four times as fast as a robot would. Seconds are
+by the clock."""
 
 
 def write_page(docs: Path = DOCS, folder: Path = FOLDER) -> Path:
@@ -196,8 +203,8 @@ def _profile(run: Run, docs: Path) -> str:
 
 
 def _agreement(run: Run, docs: Path) -> str:
-    total = [r for r in run.rows if r.case == "all"]
-    words = "; ".join(r.verdict for r in total)
+    found = Counter(r.verdict.partition(":")[0] for r in run.rows if r.case != "all")
+    words = ", ".join(f"{count} {verdict}" for verdict, count in sorted(found.items()))
     apart = [(r.case, r.verdict.partition(": ")[2]) for r in run.rows if r.verdict.startswith("DISAGREE")]
     listed = _table(("disagrees", "both verdicts, and the cause"), apart) if apart else ""
     return f"{AGREEMENT_TEXT} {words}.\n\n{listed}".rstrip()
@@ -206,6 +213,16 @@ def _agreement(run: Run, docs: Path) -> str:
 def _insertions(run: Run, docs: Path) -> str:
     rows = [(r.case, _seconds(r.seconds), r.verdict) for r in run.rows]
     return f"{INSERTIONS_TEXT}\n\n{_table(('configuration', 'CPU', 'what came out'), rows)}"
+
+
+def _plans(run: Run, docs: Path) -> str:
+    rows = [(r.case, r.tool, _seconds(r.seconds), r.verdict) for r in run.rows]
+    return f"{PLANS_TEXT}\n\n{_table(('configuration', 'what', 'CPU', 'what came out'), rows)}"
+
+
+def _builds(run: Run, docs: Path) -> str:
+    rows = [(r.case, r.tool, _seconds(r.seconds), r.verdict) for r in run.rows]
+    return f"{BUILDS_TEXT}\n\n{_table(('configuration', 'what', 'seconds', 'what came out'), rows)}"
 
 
 CHAPTERS: dict[str, tuple[str, Callable[[Run, Path], str]]] = {
@@ -221,6 +238,8 @@ CHAPTERS: dict[str, tuple[str, Callable[[Run, Path], str]]] = {
     "agreement": ("Statics against physics: random assemblies", _agreement),
     "agreement_configs": ("Statics against physics: the configurations", _agreement),
     "insertions": ("Insertions of the configurations", _insertions),
+    "plans": ("Plans for a robot", _plans),
+    "builds": ("Whole builds by a robot", _builds),
     "profile": ("Where the time goes", _profile),
 }
 
