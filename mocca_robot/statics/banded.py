@@ -48,10 +48,17 @@ class BandedLayout:
         position = (place[:, None] * dof + np.arange(dof)).ravel()
         return cls(first, second, place, position, (width + 1) * dof - 1)
 
-    def factor(self, mass: Array, gram: Array) -> Factor:
-        """Return the Cholesky factor of the matrix with +H_p on, and −H_p off the diagonal, plus `mass`."""
+    def room(self) -> Array:
+        """Return memory for a factor, (n, width + 1)."""
+        return np.empty((len(self.position), self.width + 1))
+
+    def factor(self, mass: Array, gram: Array, room: Array | None = None) -> Factor:
+        """Return the Cholesky factor of the matrix with +H_p on, and −H_p off the diagonal, plus `mass`.
+
+        In `room` it lasts until the next one there; memory taken anew costs a tenth of the time.
+        """
         n = len(self.position)
-        band = np.empty((n, self.width + 1))
+        band = self.room() if room is None else room
         kernels.assemble(mass, gram, self.first, self.second, self.place, band)
         cholesky, info = lapack.dpbtrf(band.T, lower=1, overwrite_ab=1)  # Fortran order, as LAPACK wants it
         if info != 0:

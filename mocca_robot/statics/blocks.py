@@ -130,9 +130,9 @@ class PairBlocks:
         """Return where the blocks lie in the banded normal matrix."""
         return BandedLayout.of(self.first, self.second, len(self.to_own), self.dof)
 
-    def factor(self, gram: Array) -> Factor:
+    def factor(self, gram: Array, room: Array | None = None) -> Factor:
         """Return the Cholesky factor of YᵀY + BᵀDB from the H_p of `gram`. Raises NotPositiveDefinite."""
-        return self.band.factor(self.mass, gram)
+        return self.band.factor(self.mass, gram, room)
 
 
 def _shift(x: Array) -> Array:

@@ -16,13 +16,17 @@ ROUNDS = 6
 EXACT = 1e-10
 """Residual to reach, relative to |w|; an order below what the interior point promises."""
 
+DOUBTFUL = (1e-7, 1e-4)
+"""Motions, relative to |w|, of which rounding leaves open whether they are none: E is too near to `EXACT`."""
+
 
 def on_face(blocks: PairBlocks, pull: Array, c: Array, z: Array, pressing: BoolArray) -> Array | None:
     """Return multipliers z (M,) when exactly the rays `pressing` (M,) may press; None if that guess is wrong.
 
     B u + c = 0 on those rays, YᵀYu = pull + Bᵀz, and of all such multipliers those that change least from the given
     z, relative to its own size: the method of multipliers in the metric Z². The guess is wrong when it makes a
-    multiplier negative or lets another ray penetrate. With everything pressing, u = 0 proves equilibrium.
+    multiplier negative or lets another ray penetrate. With everything pressing, u = 0 proves equilibrium. Without
+    slacks a motion that is nearly none is no answer either.
     """
     weight = np.where(pressing, np.maximum(z / z.max(initial=1e-300), LEAST_WEIGHT) ** 2, 0.0)
     try:
@@ -41,6 +45,7 @@ def on_face(blocks: PairBlocks, pull: Array, c: Array, z: Array, pressing: BoolA
         open_gap = np.where(pressing, slack, 0.0)
         left = pull + blocks.transposed_times(z) - blocks.inertia_times(u)
         if float(np.linalg.norm(left)) <= EXACT and float(np.abs(open_gap).max(initial=0.0)) <= EXACT:
-            return z if float(slack.min(initial=0.0)) >= -EXACT else None
+            doubtful = not c.any() and DOUBTFUL[0] < float(np.sqrt(u @ blocks.inertia_times(u))) < DOUBTFUL[1]
+            return None if doubtful or float(slack.min(initial=0.0)) < -EXACT else z
         open_gap[np.abs(open_gap) < 0.01 * EXACT] = 0.0  # rounding, which the penalty would blow up
     return None

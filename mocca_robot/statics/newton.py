@@ -62,7 +62,7 @@ class Iterate:
         self.weights, self._target = np.empty((2, len(self.s)))
         self._ds, self._dz = np.zeros((2, len(self.s)))
         self._wrenches, self._inverse_wrenches, self._target_wrenches = np.empty((3, pairs, dof))
-        self._gram = np.empty((pairs, dof, dof))
+        self._gram, self._room = np.empty((pairs, dof, dof)), self.blocks.band.room()
         self._missing = self.blocks.times(self.u) + problem.c - self.s
         self._largest: float
         self.primal = float(np.abs(self._missing).max(initial=0.0))
@@ -154,7 +154,7 @@ class Iterate:
                 self._gram = self.blocks.gram(self.weights)
                 self._largest = limit
             try:
-                return self.blocks.factor(self._gram)
+                return self.blocks.factor(self._gram, self._room)
             except NotPositiveDefinite:
                 continue
         raise NotPositiveDefinite("Weights of all sizes leave the normal matrix indefinite.")
