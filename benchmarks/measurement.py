@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import multiprocessing
 import resource
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from multiprocessing.connection import Connection
 
@@ -44,40 +45,73 @@ class Measurement:
 def measure(
     bench: str, case: str, tool: str, run: Callable[[], Outcome], *, limit_s: float = 60.0, repeats: int = 5
 ) -> Measurement:
-    """Return the measurement of `run`, repeated while it stays under a tenth of `limit_s` together.
+    """Return the measurement of `run`; see `side_by_side`."""
+    (row,) = side_by_side(bench, case, {tool: run}, limit_s=limit_s, repeats=repeats)
+    return row
 
-    It runs in a forked process: memory is that process's peak, and one that exceeds `limit_s` is ended and comes
-    back with the verdict 'timeout'. A tool that raises comes back as 'failed: …'.
+
+def side_by_side(
+    bench: str, case: str, runs: Mapping[str, Callable[[], Outcome]], *, limit_s: float = 60.0, repeats: int = 5
+) -> list[Measurement]:
+    """Return the measurements of several tools, which take turns: what slows the machine slows all of them.
+
+    Each is repeated while its runs stay under a tenth of `limit_s` together. It runs in a forked process: memory is
+    that process's peak, and one that exceeds `limit_s` is ended and comes back with the verdict 'timeout'. A tool that
+    raises comes back as 'failed: …'.
     """
-    context = multiprocessing.get_context("fork")
-    receiver, sender = context.Pipe(duplex=False)
-    child = context.Process(target=_child, args=(sender, run, repeats, limit_s / 10), daemon=True)
-    child.start()
-    sender.close()
-    answer: tuple[list[float], Outcome, float]
-    if receiver.poll(limit_s):
+    tools = {name: _Tool(run) for name, run in runs.items()}
+    for _ in range(repeats):
+        for tool in tools.values():
+            if not tool.over and sum(tool.times) < limit_s / 10:
+                tool.turn(limit_s)
+    return [tool.ended(bench, case, name) for name, tool in tools.items()]
+
+
+class _Tool:
+    """A tool in its process, which waits for its turns."""
+
+    def __init__(self, run: Callable[[], Outcome]) -> None:
+        context = multiprocessing.get_context("fork")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_child, args=(theirs, run), daemon=True)
+        self._process.start()
+        theirs.close()
+        self.times: list[float] = []
+        self.over = False
+        self._outcome, self._memory = Outcome("failed: never ran"), float("nan")
+
+    def turn(self, limit_s: float) -> None:
+        """Let it run once."""
         try:
-            answer = receiver.recv()
-        except EOFError:
-            answer = ([], Outcome("failed: the process ended"), float("nan"))
-    else:
-        child.kill()
-        answer = ([limit_s], Outcome("timeout"), float("nan"))
-    child.join()
-    times, outcome, memory = answer
-    seconds = statistics.median(times) if times else float("nan")
-    return Measurement(bench, case, tool, seconds, len(times), outcome.verdict, outcome.kkt, memory)
+            self._pipe.send(True)
+            if self._pipe.poll(limit_s):
+                seconds, self._outcome, self._memory = self._pipe.recv()
+                self.times.append(seconds)
+            else:
+                self._process.kill()
+                self.times, self._outcome, self.over = [limit_s], Outcome("timeout"), True
+        except (EOFError, BrokenPipeError):
+            self.times, self._outcome, self.over = [], Outcome("failed: the process ended"), True
+        if self._outcome.verdict.startswith("failed"):
+            self.times, self.over = [], True
+
+    def ended(self, bench: str, case: str, name: str) -> Measurement:
+        """Return its row, and end its process."""
+        with contextlib.suppress(BrokenPipeError):
+            self._pipe.send(False)
+        self._process.join()
+        self._pipe.close()
+        seconds = statistics.median(self.times) if self.times else float("nan")
+        found = self._outcome
+        return Measurement(bench, case, name, seconds, len(self.times), found.verdict, found.kkt, self._memory)
 
 
-def _child(sender: Connection, run: Callable[[], Outcome], repeats: int, budget_s: float) -> None:
-    times: list[float] = []
-    outcome = Outcome("failed: never ran")
-    try:
-        while len(times) < repeats and (not times or sum(times) < budget_s):
-            begin = time.process_time()
+def _child(pipe: Connection, run: Callable[[], Outcome]) -> None:
+    while pipe.recv():
+        begin = time.process_time()
+        try:
             outcome = run()
-            times.append(time.process_time() - begin)
-    except Exception as error:  # whatever a peer raises is its result
-        outcome, times = Outcome(f"failed: {type(error).__name__}: {str(error)[:80]}"), []
-    sender.send((times, outcome, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0))
-    sender.close()
+        except Exception as error:  # whatever a peer raises is its result
+            outcome = Outcome(f"failed: {type(error).__name__}: {str(error)[:80]}")
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+        pipe.send((time.process_time() - begin, outcome, memory))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measurement import Measurement, Outcome, measure
+from benchmarks.measurement import Measurement, Outcome, measure, side_by_side
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts import Contact, find_contacts
 from mocca_robot.generators import generate
@@ -29,8 +29,9 @@ def states(quick: bool = False, only: str | None = None) -> Iterator[Measurement
     for number in range(len(cases) - 1, 0, -19 if quick else -7):
         name = f"dome-{len(assembly.parts)}-{cases[number].name}"
         if only is None or only in name:
-            for tool, solver in (("ours", "interior_point"), ("clarabel", "clarabel")):
-                yield measure("states", name, tool, partial(_judged, assembly, contacts, [cases[number]], solver))
+            solvers = (("ours", "interior_point"), ("clarabel", "clarabel"))
+            tools = {tool: partial(_judged, assembly, contacts, [cases[number]], solver) for tool, solver in solvers}
+            yield from side_by_side("states", name, tools, repeats=9)
     name = f"dome-{len(assembly.parts)}-all"
     if only is None or only in name:
         yield measure("states", name, "ours", partial(_judged, assembly, contacts, cases, "interior_point"))

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from benchmarks.cases import KINDS, Case
-from benchmarks.measurement import Measurement, Outcome, measure
+from benchmarks.measurement import Measurement, Outcome, side_by_side
 from benchmarks.peers import available
 from mocca_robot.assembly import Array
 from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium, solve_system, verdict
@@ -25,6 +25,9 @@ CASES: tuple[tuple[str, int, int], ...] = (
 QUICK = {"stack-10-planar", "arch-150-50", "wall-150-planar", "dome-140-planar", "dome-140-10"}
 LIMIT_S = 20.0
 """Time for one tool on one case; the QP solvers that take longer come back as 'timeout'."""
+SWEEP_LIMIT_S = 60.0
+"""The same for a sweep, so that a solver that takes two seconds is measured more than once."""
+REPEATS = 9
 DENSE_LIMIT = 60_000_000
 """Unknowns × rays beyond which a dense matrix would take half a gigabyte."""
 
@@ -53,8 +56,7 @@ def statics(quick: bool = False, only: str | None = None) -> Iterator[Measuremen
                 yield Measurement("statics", case.name, name, np.nan, 0, verdict, np.nan, np.nan)
                 continue
             tools[name] = functools.partial(_solved, solver, system, w)
-        for tool, run in tools.items():
-            yield measure("statics", case.name, tool, run, limit_s=LIMIT_S)
+        yield from side_by_side("statics", case.name, tools, limit_s=LIMIT_S, repeats=REPEATS)
 
 
 def tilt_sweep(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
@@ -75,12 +77,11 @@ def tilt_sweep(quick: bool = False, only: str | None = None) -> Iterator[Measure
         def theirs(solver: Solver, system: ContactSystem = system, loads: list[Array] = loads, c: Array = c) -> Outcome:
             return _sweep(system, loads, [solver(system.matrix, w, c) for w in loads])
 
-        yield measure("tilt_sweep", case.name, "ours", ours, repeats=3)
+        tools: dict[str, Callable[[], Outcome]] = {"ours": ours}
         for tool, solver in available().items():
-            if tool in {"daqp", "highs"}:
-                continue  # dense, and without Eq. 7's motion
-            run: Callable[[], Outcome] = functools.partial(theirs, solver)
-            yield measure("tilt_sweep", case.name, tool, run, limit_s=LIMIT_S, repeats=3)
+            if tool not in {"daqp", "highs"}:  # dense, and without Eq. 7's motion
+                tools[tool] = functools.partial(theirs, solver)
+        yield from side_by_side("tilt_sweep", case.name, tools, limit_s=SWEEP_LIMIT_S)
 
 
 def _sweep(system: ContactSystem, loads: list[Array], solutions: list[tuple[Array, Array]]) -> Outcome:
@@ -97,6 +98,7 @@ def friction(quick: bool = False, only: str | None = None) -> Iterator[Measureme
             continue
         for tilt in (0.0, 10.0):
             wrenches = case.wrenches(np.deg2rad(tilt))
+            tools: dict[str, Callable[[], Outcome]] = {}
             for tool, solver in (("ours", "interior_point"), ("clarabel", "clarabel")):
 
                 def run(solver: str = solver, case: Case = case, wrenches: Array = wrenches) -> Outcome:
@@ -114,7 +116,8 @@ def friction(quick: bool = False, only: str | None = None) -> Iterator[Measureme
                     assert isinstance(result, EquilibriumResult)
                     return Outcome(result.status.value, result.kkt)
 
-                yield measure("friction", f"{case.name}-tilt{tilt:.0f}", tool, run)
+                tools[tool] = run
+            yield from side_by_side("friction", f"{case.name}-tilt{tilt:.0f}", tools, repeats=REPEATS)
 
 
 def _cases(quick: bool, only: str | None) -> Iterator[Case]:
