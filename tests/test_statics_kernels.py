@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mocca_robot.assembly import Array
-from mocca_robot.statics import kernels
+from mocca_robot.statics import banded, kernels
 from mocca_robot.statics.system import ContactSystem
 
 
@@ -56,12 +56,29 @@ def test_products_are_those_with_the_matrix(system: ContactSystem) -> None:
     assert system.matrix.T @ blocks.forces(z) == pytest.approx(blocks.own_wrenches(b.T @ z), abs=1e-12)
 
 
-def test_the_factor_is_that_of_the_normal_matrix(system: ContactSystem) -> None:
+@pytest.mark.parametrize("narrow", [0, 100])
+def test_the_factor_is_that_of_the_normal_matrix(
+    system: ContactSystem, narrow: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(banded, "NARROW", narrow)
     blocks, (y, b) = system.blocks, about_common_point(system)
     rng = np.random.default_rng(1)
     d, right = rng.uniform(0.1, 10.0, size=len(b)), rng.normal(size=blocks.size)
     matrix = y.T @ y + b.T @ (b * d[:, None])
     assert blocks.factor(blocks.gram(d)).solve(right) == pytest.approx(np.linalg.solve(matrix, right), rel=1e-10)
+
+
+def test_a_pivot_that_is_not_positive_is_named() -> None:
+    # Two flat parts that touch: columns of the first reach the second's rows.
+    matrix = np.diag([2.0, 2.0, 2.0, 2.0, -1.0, 2.0])
+    matrix[3, 0] = matrix[0, 3] = 1.0
+    band = np.array([[matrix[c + r, c] if c + r < 6 else 0.0 for r in range(6)] for c in range(6)])
+    ends = np.array([6, 6])
+    assert kernels.factorize(band.copy(), ends) == 5
+    matrix[4, 4] = band[4, 0] = 3.0
+    assert kernels.factorize(band, ends) == 0
+    assert band[:, 0] == pytest.approx(np.diag(np.linalg.cholesky(matrix)))
+    assert band[0, 3] == pytest.approx(np.linalg.cholesky(matrix)[3, 0])
 
 
 def test_cones_weigh_three_rows_at_once() -> None:

@@ -13,6 +13,9 @@ from mocca_robot.assembly import Array, IntArray
 from mocca_robot.errors import MoccaError
 from mocca_robot.statics import kernels
 
+NARROW = 100
+"""Width up to which our own factorization is faster than LAPACK's: the columns of a part stay in the nearest cache."""
+
 
 class NotPositiveDefinite(MoccaError):
     """Rounding has made a normal matrix indefinite."""
@@ -20,20 +23,20 @@ class NotPositiveDefinite(MoccaError):
 
 @dataclass(frozen=True, eq=False)
 class BandedLayout:
-    """Order of the free parts that keeps neighbours close: reverse Cuthill–McKee, or as given where that is closer.
+    """Order of the free parts that keeps neighbours close: reverse Cuthill–McKee, its reverse, or as given.
 
     Attributes:
         first, second: (P,) as in `PairBlocks`.
         place: (F,) of every free part in that order.
         position: (n,) the same of every unknown.
-        width: number of subdiagonals.
+        ends: (F,) behind which row the columns of the part at every place are empty, also in the factor.
     """
 
     first: IntArray
     second: IntArray
     place: IntArray
     position: IntArray
-    width: int
+    ends: IntArray
 
     @classmethod
     def of(cls, first: IntArray, second: IntArray, n_free: int, dof: int) -> BandedLayout:
@@ -41,40 +44,55 @@ class BandedLayout:
         inner = (first < n_free) & (second < n_free)
         i, j = first[inner], second[inner]
         graph = sp.csr_array((np.ones(2 * len(i)), (np.r_[i, j], np.r_[j, i])), shape=(n_free, n_free))
-        candidates = (np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True)), np.arange(n_free))
-        places = [np.argsort(order) for order in candidates]
-        widths = [int(np.abs(place[i] - place[j]).max(initial=0)) for place in places]
-        place, width = places[int(np.argmin(widths))], min(widths)
+        near = np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True))
+        here = np.arange(n_free)
+        best: tuple[float, IntArray, IntArray] | None = None
+        for order in (near, near[::-1], here):
+            place = np.argsort(order)
+            last = here.copy()
+            np.maximum.at(last, np.minimum(place[i], place[j]), np.maximum(place[i], place[j]))
+            last = np.maximum.accumulate(last)  # what is filled in while columns are eliminated
+            work = float(((last - here + 1) ** 2).sum())
+            if best is None or work < best[0]:
+                best = work, place, last
+        assert best is not None
+        _, place, last = best
         position = (place[:, None] * dof + np.arange(dof)).ravel()
-        return cls(first, second, place, position, (width + 1) * dof - 1)
+        return cls(first, second, place, position, (last + 1) * dof)
 
     def room(self) -> Array:
-        """Return memory for a factor, (n, width + 1)."""
-        return np.empty((len(self.position), self.width + 1))
+        """Return memory for a factor, (n, width): one column of the lower band a row."""
+        n, count = len(self.position), len(self.ends)
+        dof = n // max(count, 1)
+        return np.empty((n, int((self.ends - dof * np.arange(count)).max(initial=1))))
 
     def factor(self, mass: Array, gram: Array, room: Array | None = None) -> Factor:
         """Return the Cholesky factor of the matrix with +H_p on, and −H_p off the diagonal, plus `mass`.
 
         In `room` it lasts until the next one there; memory taken anew costs a tenth of the time.
         """
-        n = len(self.position)
         band = self.room() if room is None else room
         kernels.assemble(mass, gram, self.first, self.second, self.place, band)
-        cholesky, info = lapack.dpbtrf(band.T, lower=1, overwrite_ab=1)  # Fortran order, as LAPACK wants it
-        if info != 0:
-            raise NotPositiveDefinite(f"The normal matrix of size {n} is not positive definite at pivot {info}.")
-        return Factor(cholesky.T, self.position)
+        if band.shape[1] <= NARROW:
+            pivot = kernels.factorize(band, self.ends)
+        else:
+            _, pivot = lapack.dpbtrf(band.T, lower=1, overwrite_ab=1)  # in place: Fortran order, as LAPACK wants it
+        if pivot != 0:
+            size = len(self.position)
+            raise NotPositiveDefinite(f"The normal matrix of size {size} is not positive definite at pivot {pivot}.")
+        return Factor(band, self.ends, self.position)
 
 
 @dataclass(frozen=True, eq=False)
 class Factor:
-    """A Cholesky factor L, its lower band (n, width + 1) column by column, with the order of its unknowns."""
+    """A Cholesky factor: its band and ends as `kernels.factorize` has them, and the order of its unknowns."""
 
     band: Array
+    ends: IntArray
     position: IntArray
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side (n,)."""
         out = np.empty(len(right))
-        kernels.substitute(self.band, self.position, np.ascontiguousarray(right), out)
+        kernels.substitute(self.band, self.ends, self.position, np.ascontiguousarray(right), out)
         return out
