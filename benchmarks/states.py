@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.measurement import Measurement, Outcome, measure, side_by_side
+from benchmarks.statics import compile_now
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts import Contact, find_contacts
 from mocca_robot.generators import generate
@@ -23,6 +24,7 @@ RINGS = (16, 15, 13, 11, 9, 8)
 
 def states(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
     """Yield rows for single states, some that stand and some that fall, and one for all states together."""
+    compile_now()
     assembly = generate("dome", {"blocks": list(RINGS), "thickness": 0.15, "snap": 0.2}, Path())
     contacts = find_contacts(assembly).contacts
     cases = state_cases(assembly)
