@@ -43,15 +43,28 @@ class Measurement:
 
 
 def measure(
-    bench: str, case: str, tool: str, run: Callable[[], Outcome], *, limit_s: float = 60.0, repeats: int = 5
+    bench: str,
+    case: str,
+    tool: str,
+    run: Callable[[], Outcome],
+    *,
+    limit_s: float = 60.0,
+    repeats: int = 5,
+    spawns: bool = False,
 ) -> Measurement:
-    """Return the measurement of `run`; see `side_by_side`."""
-    (row,) = side_by_side(bench, case, {tool: run}, limit_s=limit_s, repeats=repeats)
+    """Return the measurement of `run`; see `side_by_side`. What `spawns` processes is measured by the clock."""
+    (row,) = side_by_side(bench, case, {tool: run}, limit_s=limit_s, repeats=repeats, spawns=spawns)
     return row
 
 
 def side_by_side(
-    bench: str, case: str, runs: Mapping[str, Callable[[], Outcome]], *, limit_s: float = 60.0, repeats: int = 5
+    bench: str,
+    case: str,
+    runs: Mapping[str, Callable[[], Outcome]],
+    *,
+    limit_s: float = 60.0,
+    repeats: int = 5,
+    spawns: bool = False,
 ) -> list[Measurement]:
     """Return the measurements of several tools, which take turns: what slows the machine slows all of them.
 
@@ -59,7 +72,7 @@ def side_by_side(
     that process's peak, and one that exceeds `limit_s` is ended and comes back with the verdict 'timeout'. A tool that
     raises comes back as 'failed: …'.
     """
-    tools = {name: _Tool(run) for name, run in runs.items()}
+    tools = {name: _Tool(run, spawns) for name, run in runs.items()}
     for _ in range(repeats):
         for tool in tools.values():
             if not tool.over and sum(tool.times) < limit_s / 10:
@@ -70,10 +83,10 @@ def side_by_side(
 class _Tool:
     """A tool in its process, which waits for its turns."""
 
-    def __init__(self, run: Callable[[], Outcome]) -> None:
+    def __init__(self, run: Callable[[], Outcome], spawns: bool) -> None:
         context = multiprocessing.get_context("fork")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_child, args=(theirs, run), daemon=True)
+        self._process = context.Process(target=_child, args=(theirs, run, spawns), daemon=not spawns)
         self._process.start()
         theirs.close()
         self.times: list[float] = []
@@ -106,12 +119,13 @@ class _Tool:
         return Measurement(bench, case, name, seconds, len(self.times), found.verdict, found.kkt, self._memory)
 
 
-def _child(pipe: Connection, run: Callable[[], Outcome]) -> None:
+def _child(pipe: Connection, run: Callable[[], Outcome], spawns: bool) -> None:
+    clock = time.perf_counter if spawns else time.process_time
     while pipe.recv():
-        begin = time.process_time()
+        begin = clock()
         try:
             outcome = run()
         except Exception as error:  # whatever a peer raises is its result
             outcome = Outcome(f"failed: {type(error).__name__}: {str(error)[:80]}")
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-        pipe.send((time.process_time() - begin, outcome, memory))
+        pipe.send((clock() - begin, outcome, memory))

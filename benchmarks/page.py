@@ -54,7 +54,7 @@ AGREEMENT_TEXT = """Assemblies judged by statics and by MuJoCo just below and ju
 INSERTIONS_TEXT = """Every part driven home by a compliant hand along directions that cover its cone: with an exact grip
 at three clearances, with the grip off by 0.5 mm or 1°, and with the earlier parts left free. *Allowed* is 5 % of the
 part's weight plus the hand's stiffness times its error. Outside means 3° outside the realised motion cone: nothing may
-pass."""
+pass. Seconds are by the clock."""
 
 PLANS_TEXT = """Every part of a design planned for a UR arm: grasp, transit, insertion, retreat, on one core. What is
 out of reach is named."""
@@ -212,7 +212,7 @@ def _agreement(run: Run, docs: Path) -> str:
 
 def _insertions(run: Run, docs: Path) -> str:
     rows = [(r.case, _seconds(r.seconds), r.verdict) for r in run.rows]
-    return f"{INSERTIONS_TEXT}\n\n{_table(('configuration', 'CPU', 'what came out'), rows)}"
+    return f"{INSERTIONS_TEXT}\n\n{_table(('configuration', 'seconds', 'what came out'), rows)}"
 
 
 def _plans(run: Run, docs: Path) -> str:

@@ -54,7 +54,9 @@ def physics(quick: bool = False, only: str | None = None) -> Iterator[Measuremen
         if name not in TOO_MANY_TRIALS:
             for threads in threads_tried():
                 trials: Callable[[], Outcome] = partial(_trials, built.assembly, ways, threads)
-                yield measure("physics", f"{name} insertions-{threads}", "mujoco", trials, limit_s=300.0, repeats=1)
+                yield measure(
+                    "physics", f"{name} insertions-{threads}", "mujoco", trials, limit_s=300.0, repeats=1, spawns=True
+                )
 
 
 def insertions(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
@@ -71,7 +73,7 @@ def insertions(quick: bool = False, only: str | None = None) -> Iterator[Measure
             continue
         built = design(config.assembly, config.joints, insertion=dict(config.insertion) or None).design
         run = partial(_insertions, built.assembly, {i.part: i.direction for i in built.insertion})
-        yield measure("insertions", path.stem, "mujoco", run, limit_s=3600.0, repeats=1)
+        yield measure("insertions", path.stem, "mujoco", run, limit_s=3600.0, repeats=1, spawns=True)
 
 
 def _insertions(assembly: Assembly, ways: dict[str, Array]) -> Outcome:
