@@ -23,15 +23,25 @@ PLAN = small_plan(1, short=True)
 CLIENT = """
 import json, os, sys, time
 import rtde_control, rtde_receive
+
+def seen(read, wanted):
+    # The stream of states is another than that of commands: what it said last may be some cycles old.
+    for _ in range(100):
+        found = read()
+        if max(abs(a - b) for a, b in zip(found, wanted)) < 1e-3:
+            break
+        time.sleep(0.02)
+    return found
+
 host, tool, target = sys.argv[1], json.loads(sys.argv[2]), json.loads(sys.argv[3])
 hands = rtde_control.RTDEControlInterface(host, 125.0)
 eyes = rtde_receive.RTDEReceiveInterface(host)
 out = {"set_tcp": hands.setTcp(tool), "tcp": hands.getTCPOffset()}
 out["home"] = eyes.getActualQ()
 out["move_j"] = hands.moveJ([q + 0.1 for q in out["home"]], 1.0, 2.0)
-out["after_j"] = eyes.getActualQ()
+out["after_j"] = seen(eyes.getActualQ, [q + 0.1 for q in out["home"]])
 out["move_l"] = hands.moveL(target, 0.25, 1.2)
-out["after_l"] = eyes.getActualTCPPose()
+out["after_l"] = seen(eyes.getActualTCPPose, target)
 out["fk"] = hands.getForwardKinematics(out["home"], tool)
 out["payload"] = hands.setPayload(1.25, [0.0, 0.0, 0.05])
 time.sleep(0.1)
