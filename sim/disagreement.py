@@ -72,10 +72,12 @@ def cause(
             tried += "; finer ones would take hours"
     if found.verdict is Verdict.FELL and settings.friction > 0.0:
         told = f"{NOT_MADE}: {tried}; statics lets it fall as well with the forces that go with this fall"
-        pressed = pressed_pairs(with_timestep(tilted, settings.timestep / LIMITS.finer[0], SLIDING_STEPS))
+        pressed: set[tuple[int, int]] | None = None
         for fall in _falls(assembly, contacts, tilted, found):
             if not holds(assembly, contacts, case, fall):
                 return f"{told} ({fall.opened} of {fall.opened + len(fall.rays)} contact points open)"
+            if pressed is None:
+                pressed = pressed_pairs(with_timestep(tilted, settings.timestep / LIMITS.finer[0], SLIDING_STEPS))
             if not holds(assembly, contacts, case, fall.only(pressed)):
                 pairs = {pair for pair, _, _ in fall.rays}
                 return f"{told} ({len(pairs - pressed)} of {len(pairs)} pairs of parts are not pressed together)"
