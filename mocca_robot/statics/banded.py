@@ -44,21 +44,17 @@ class BandedLayout:
         inner = (first < n_free) & (second < n_free)
         i, j = first[inner], second[inner]
         graph = sp.csr_array((np.ones(2 * len(i)), (np.r_[i, j], np.r_[j, i])), shape=(n_free, n_free))
-        near = np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True))
-        here = np.arange(n_free)
-        best: tuple[float, IntArray, IntArray] | None = None
-        for order in (near, near[::-1], here):
-            place = np.argsort(order)
+        near, here = np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True)), np.arange(n_free)
+
+        def ends(place: IntArray) -> IntArray:
             last = here.copy()
             np.maximum.at(last, np.minimum(place[i], place[j]), np.maximum(place[i], place[j]))
-            last = np.maximum.accumulate(last)  # what is filled in while columns are eliminated
-            work = float(((last - here + 1) ** 2).sum())
-            if best is None or work < best[0]:
-                best = work, place, last
-        assert best is not None
-        _, place, last = best
+            return np.maximum.accumulate(last) + 1  # with what is filled in while columns are eliminated
+
+        places = [np.argsort(order) for order in (near, near[::-1], here)]
+        place = min(places, key=lambda p: int(((ends(p) - here) ** 2).sum()))
         position = (place[:, None] * dof + np.arange(dof)).ravel()
-        return cls(first, second, place, position, (last + 1) * dof)
+        return cls(first, second, place, position, ends(place) * dof)
 
     def room(self) -> Array:
         """Return memory for a factor, (n, width): one column of the lower band a row."""

@@ -97,7 +97,7 @@ def solve_interior_point(system: ContactSystem, w: Array, c: Array) -> tuple[Arr
 
 
 def _solved(problem: Problem, kept: Kept | None) -> tuple[Array, float, Kept]:
-    """Return multipliers of the rows, the residual reached, and what to keep for the next load."""
+    """Return multipliers of the rays, the residual reached, and what to keep for the next load."""
     if kept is not None and kept.z is not None and kept.pressing is not None:
         found = on_face(problem.blocks, problem.pull, problem.c, kept.z, kept.pressing)
         if found is not None:
