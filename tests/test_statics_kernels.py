@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from mocca_robot.assembly import Array
-from mocca_robot.statics import banded, kernels
+from mocca_robot.statics import band_kernels, banded, kernels
+from mocca_robot.statics.compiled import compiled
 from mocca_robot.statics.system import ContactSystem
 
 
@@ -74,9 +75,9 @@ def test_a_pivot_that_is_not_positive_is_named() -> None:
     matrix[3, 0] = matrix[0, 3] = 1.0
     band = np.array([[matrix[c + r, c] if c + r < 6 else 0.0 for r in range(6)] for c in range(6)])
     ends = np.array([6, 6])
-    assert kernels.factorize(band.copy(), ends) == 5
+    assert band_kernels.factorize(band.copy(), ends) == 5
     matrix[4, 4] = band[4, 0] = 3.0
-    assert kernels.factorize(band, ends) == 0
+    assert band_kernels.factorize(band, ends) == 0
     assert band[:, 0] == pytest.approx(np.diag(np.linalg.cholesky(matrix)))
     assert band[0, 3] == pytest.approx(np.linalg.cholesky(matrix)[3, 0])
 
@@ -144,5 +145,5 @@ def test_code_is_compiled_where_no_folder_can_keep_it(monkeypatch: pytest.Monkey
         return njit(**options)
 
     monkeypatch.setattr(numba, "njit", refuses_to_cache)
-    double = kernels.compiled(lambda x: 2.0 * x)
+    double = compiled(lambda x: 2.0 * x)
     assert double(21.0) == 42.0 and len(asked) == 2

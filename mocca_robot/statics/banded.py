@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from mocca_robot.assembly import Array, IntArray
 from mocca_robot.errors import MoccaError
-from mocca_robot.statics import kernels
+from mocca_robot.statics import band_kernels
 
 NARROW = 100
 """Width up to which our own factorization is faster than LAPACK's: the columns of a part stay in the nearest cache."""
@@ -68,9 +68,9 @@ class BandedLayout:
         In `room` it lasts until the next one there; memory taken anew costs a tenth of the time.
         """
         band = self.room() if room is None else room
-        kernels.assemble(mass, gram, self.first, self.second, self.place, band)
+        band_kernels.assemble(mass, gram, self.first, self.second, self.place, band)
         if band.shape[1] <= NARROW:
-            pivot = kernels.factorize(band, self.ends)
+            pivot = band_kernels.factorize(band, self.ends)
         else:
             _, pivot = lapack.dpbtrf(band.T, lower=1, overwrite_ab=1)  # in place: Fortran order, as LAPACK wants it
         if pivot != 0:
@@ -81,7 +81,7 @@ class BandedLayout:
 
 @dataclass(frozen=True, eq=False)
 class Factor:
-    """A Cholesky factor: its band and ends as `kernels.factorize` has them, and the order of its unknowns."""
+    """A Cholesky factor: its band and ends as `band_kernels.factorize` has them, and the order of its unknowns."""
 
     band: Array
     ends: IntArray
@@ -90,5 +90,5 @@ class Factor:
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side (n,)."""
         out = np.empty(len(right))
-        kernels.substitute(self.band, self.ends, self.position, np.ascontiguousarray(right), out)
+        band_kernels.substitute(self.band, self.ends, self.position, np.ascontiguousarray(right), out)
         return out
