@@ -25,7 +25,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One row of a benchmark: `seconds` is the median over `repeats` of one thread's CPU time."""
+    """One row of a benchmark: `seconds` is the median over `repeats` of CPU time, or by the clock (`side_by_side`)."""
 
     bench: str
     case: str
@@ -52,7 +52,7 @@ def measure(
     repeats: int = 5,
     spawns: bool = False,
 ) -> Measurement:
-    """Return the measurement of `run`; see `side_by_side`. What `spawns` processes is measured by the clock."""
+    """Return the measurement of `run`; see `side_by_side`."""
     (row,) = side_by_side(bench, case, {tool: run}, limit_s=limit_s, repeats=repeats, spawns=spawns)
     return row
 
@@ -65,14 +65,18 @@ def side_by_side(
     limit_s: float = 60.0,
     repeats: int = 5,
     spawns: bool = False,
+    threads: bool = False,
 ) -> list[Measurement]:
     """Return the measurements of several tools, which take turns: what slows the machine slows all of them.
 
     Each is repeated while its runs stay under a tenth of `limit_s` together. It runs in a forked process: memory is
     that process's peak, and one that exceeds `limit_s` is ended and comes back with the verdict 'timeout'. A tool that
     raises comes back as 'failed: …'.
+
+    Time is that of the processor, which other programs on the machine disturb least; by the clock where a tool
+    `spawns` processes or uses `threads`.
     """
-    tools = {name: _Tool(run, spawns) for name, run in runs.items()}
+    tools = {name: _Tool(run, spawns, by_clock=spawns or threads) for name, run in runs.items()}
     for _ in range(repeats):
         for tool in tools.values():
             if not tool.over and sum(tool.times) < limit_s / 10:
@@ -83,10 +87,10 @@ def side_by_side(
 class _Tool:
     """A tool in its process, which waits for its turns."""
 
-    def __init__(self, run: Callable[[], Outcome], spawns: bool) -> None:
+    def __init__(self, run: Callable[[], Outcome], spawns: bool, by_clock: bool) -> None:
         context = multiprocessing.get_context("fork")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_child, args=(theirs, run, spawns), daemon=not spawns)
+        self._process = context.Process(target=_child, args=(theirs, run, by_clock), daemon=not spawns)
         self._process.start()
         theirs.close()
         self.times: list[float] = []
@@ -119,8 +123,8 @@ class _Tool:
         return Measurement(bench, case, name, seconds, len(self.times), found.verdict, found.kkt, self._memory)
 
 
-def _child(pipe: Connection, run: Callable[[], Outcome], spawns: bool) -> None:
-    clock = time.perf_counter if spawns else time.process_time
+def _child(pipe: Connection, run: Callable[[], Outcome], by_clock: bool) -> None:
+    clock = time.perf_counter if by_clock else time.process_time
     while pipe.recv():
         begin = clock()
         try:

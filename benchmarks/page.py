@@ -230,7 +230,7 @@ CHAPTERS: dict[str, tuple[str, Callable[[Run, Path], str]]] = {
     "baseline": ("Other ways to design (Fig. 17)", _baseline),
     "growth": ("Growth", _growth),
     "statics": ("Statics: E of one load case", _statics),
-    "tilt_sweep": ("Statics: 31 tilts from 0° to 15°", _statics),
+    "tilt_sweep": ("Statics: 31 tilts from 0° to 15°, by the clock", _statics),
     "friction": ("Statics with friction", _statics),
     "states": ("Verdicts while building, with friction", _statics),
     "contacts": ("Contacts", _contacts),

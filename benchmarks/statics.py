@@ -83,7 +83,7 @@ def tilt_sweep(quick: bool = False, only: str | None = None) -> Iterator[Measure
         for tool, solver in available().items():
             if tool not in {"daqp", "highs"}:  # dense, and without Eq. 7's motion
                 tools[tool] = functools.partial(theirs, solver)
-        yield from side_by_side("tilt_sweep", case.name, tools, limit_s=SWEEP_LIMIT_S)
+        yield from side_by_side("tilt_sweep", case.name, tools, limit_s=SWEEP_LIMIT_S, threads=True)
 
 
 def compile_now() -> None:

@@ -9,12 +9,15 @@ products s ∘ z Gondzio (1996). As soon as it is clear which rays press, one li
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray
+from mocca_robot.assembly import Array, BoolArray, IntArray
 from mocca_robot.statics.banded import NotPositiveDefinite
+from mocca_robot.statics.blocks import PairBlocks
 from mocca_robot.statics.face import on_face
 from mocca_robot.statics.newton import Iterate, Point, Problem
 from mocca_robot.statics.solvers import SolverFailed
@@ -42,6 +45,9 @@ GUESS_BELOW = 0.05
 """Gap below which pressing rays are guessed."""
 A_FEW_RAYS = 8
 """Rays of a pair up to which the first slacks do not depend on their number."""
+CHAIN, WORTH_THREADS = 16, 500
+"""Loads that start from one another at most, and unknowns from which on: chains run side by side, where a step's
+compiled passes are long beside the Python between them, of which only one thread runs at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,10 +81,33 @@ def solve_interior_point(system: ContactSystem, w: Array, c: Array) -> tuple[Arr
     """Return (v, f): motion (n,) and forces (C,) of one load w (n,), or (K, n) and (K, C) of K loads; v = w + Bᵀf.
 
     What depends on the contacts only is kept with `system` and serves every load; each load starts from the one
-    before where they are near. Raises SolverFailed when rounding stops one at a relative residual above 1e-6.
+    before where they are near. With many unknowns, chains of up to `CHAIN` loads run side by side; the answers are the
+    same on any number of cores. Raises SolverFailed when rounding stops one at a relative residual above 1e-6.
     """
-    blocks, loads = system.blocks, np.atleast_2d(w)
+    loads = np.atleast_2d(w)
     motions, forces = np.empty(loads.shape), np.empty((len(loads), len(c)))
+    blocks = system.blocks
+    _ = blocks.band, blocks.mass  # made once, before threads ask for them
+    count = -(-len(loads) // CHAIN) if blocks.size >= WORTH_THREADS else 1
+    chains = np.array_split(np.arange(len(loads)), max(1, count))
+
+    def solve(chain: IntArray) -> None:
+        if not len(chain):
+            return
+        _solve_chain(blocks, loads[chain], c, motions[chain[0] : chain[-1] + 1], forces[chain[0] : chain[-1] + 1])
+
+    threads = min(len(chains), os.cpu_count() or 1)
+    if threads > 1:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(solve, chains))
+    else:
+        for chain in chains:
+            solve(chain)
+    return motions.reshape(w.shape), forces.reshape(*w.shape[:-1], -1)
+
+
+def _solve_chain(blocks: PairBlocks, loads: Array, c: Array, motions: Array, forces: Array) -> None:
+    """Set `motions` (K, n) and `forces` (K, C) for loads that start from one another, in their order."""
     kept: Kept | None = None
     for k, load in enumerate(loads):
         scale = float(np.linalg.norm(load)) or 1.0
@@ -93,7 +122,6 @@ def solve_interior_point(system: ContactSystem, w: Array, c: Array) -> tuple[Arr
         forces[k] = blocks.forces(z * scale)
         motions[k] = load + scale * blocks.own_wrenches(blocks.transposed_times(z))
         kept = replace(after, before=None if kept is None else replace(kept, before=None))
-    return motions.reshape(w.shape), forces.reshape(*w.shape[:-1], -1)
 
 
 def _solved(problem: Problem, kept: Kept | None) -> tuple[Array, float, Kept]:
