@@ -6,6 +6,7 @@ experimented on for its cause (see `sim.disagreement`).
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from benchmarks.random_assemblies import KINDS, LOCKED_KINDS, SOLID_KINDS, rando
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts import find_contacts, require_sound
 from mocca_robot.errors import InputError
+from mocca_robot.executors import completed, executor
 from mocca_robot.files.config import load
 from mocca_robot.loads import tilted_gravity
 from mocca_robot.statics import Status
@@ -88,7 +90,7 @@ class Comparison:
 
 
 def agreement(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
-    """Yield a row per assembly, then the sums.
+    """Yield a row per assembly as they are finished, one a core at a time, then the sums.
 
     36 flat and 9 solid random ones when `quick`, else 150 and 96. `agreement_configs` has the designed ones.
     """
@@ -109,20 +111,27 @@ def _rows(
 ) -> Iterator[Measurement]:
     sums: dict[str, int] = {}
     total = 0.0
-    for name, find in cases:
-        if only and only not in name:
-            continue
-        started = time.process_time()
-        found = find()
-        seconds = time.process_time() - started
-        verdict = "unusable" if isinstance(found, str) else found.verdict
-        sums[verdict] = sums.get(verdict, 0) + 1
-        total += seconds
-        words = f"unusable: {found}" if isinstance(found, str) else found.words()
-        yield Measurement(bench, name, "statics|mujoco", seconds, 1, words, float("nan"), float("nan"))
+    wanted = ((name, find) for name, find in cases if not only or only in name)
+    with executor() as processes:
+        for _, row in completed(processes, _row, ((bench, *case) for case in wanted), 2 * (os.cpu_count() or 1)):
+            if isinstance(row, Exception):
+                raise row
+            verdict = row.verdict.partition(":")[0]
+            sums[verdict] = sums.get(verdict, 0) + 1
+            total += row.seconds
+            yield row
     if sums:
         told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(sums.items()))
         yield Measurement(bench, "all", "statics|mujoco", total, 1, told, float("nan"), float("nan"))
+
+
+def _row(case: tuple[str, str, Callable[[], Comparison | str]]) -> Measurement:
+    bench, name, find = case
+    started = time.process_time()
+    found = find()
+    seconds = time.process_time() - started
+    words = f"unusable: {found}" if isinstance(found, str) else found.words()
+    return Measurement(bench, name, "statics|mujoco", seconds, 1, words, float("nan"), float("nan"))
 
 
 def random_case(kind: str, seed: int) -> Comparison | str:

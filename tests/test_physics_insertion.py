@@ -50,6 +50,18 @@ def trials(assembly, contacts, count=9, **scene):
             yield insert(ready, way)
 
 
+def test_parts_that_are_all_held_are_not_collided_with_each_other():
+    # MuJoCo collides what is paired even where neither side can move.
+    assembly, contacts = jointed(stack(4))
+    top = len(assembly.parts) - 1
+    cone = insertion_cone(assembly, contacts, top)
+    held = insertion_scene(assembly, contacts, cone).compiled.model
+    free = insertion_scene(assembly, contacts, cone, below="free").compiled.model
+    assert held.npair == 0 and free.npair > 0
+    bodies = free.geom_bodyid[free.pair_geom1], free.geom_bodyid[free.pair_geom2]
+    assert (free.body_dofnum[bodies[0]] + free.body_dofnum[bodies[1]] > 0).all()
+
+
 @pytest.mark.parametrize(("height", "lean"), [(0.2, 0.1), (-0.25, 0.0)])
 def test_inside_the_cone_all_succeed_and_outside_none(height, lean):
     assembly, contacts = jointed(stack(2), height, lean)

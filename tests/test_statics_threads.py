@@ -8,8 +8,10 @@ import numpy as np
 import scipy.linalg  # noqa: F401  (its BLAS is one of those that are counted)
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from benchmarks.cases import dome
 from mocca_robot.statics import interior_point
 from mocca_robot.statics.equilibrium import equilibrium
+from mocca_robot.statics.solvers import kkt_residual
 from mocca_robot.statics.threads import with_one_blas_thread
 
 
@@ -43,6 +45,21 @@ def test_large_problems_are_solved_so(monkeypatch):
     with threadpool_limits(limits=2, user_api="blas"):
         result = equilibrium(pairs, points, up, loads, fixed=[0], solver="interior_point")
     assert result.stands and seen == [{1}]
+
+
+def test_chains_of_loads_have_the_same_answers_on_any_number_of_cores(monkeypatch):
+    case = dome(36, 10)
+    loads = np.array([case.system.scaled(case.wrenches(t)) for t in np.linspace(0.0, 0.3, 21)])
+    c = np.zeros(len(case.pairs))
+    monkeypatch.setattr(interior_point, "WORTH_THREADS", 100)
+    found = []
+    for cores in (1, 2, 3):
+        monkeypatch.setattr(interior_point.os, "cpu_count", lambda cores=cores: cores)
+        found.append(interior_point.solve_interior_point(case.system, loads, c))
+    for motions, forces in found[1:]:
+        assert np.array_equal(motions, found[0][0]) and np.array_equal(forces, found[0][1])
+    residuals = [kkt_residual(case.system.matrix, w, c, v, f) for w, v, f in zip(loads, *found[0], strict=True)]
+    assert max(residuals) < 1e-8
 
 
 def test_a_command_starts_with_one_thread_unless_told_otherwise():
