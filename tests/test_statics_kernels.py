@@ -8,9 +8,14 @@ import numba
 import numpy as np
 import pytest
 
+from benchmarks.cases import Case, arch, dome, wall
 from mocca_robot.assembly import Array
-from mocca_robot.statics import band_kernels, banded, kernels
+from mocca_robot.statics import band_kernels, kernels
+from mocca_robot.statics import blocks as blocks_module
+from mocca_robot.statics.banded import BandedLayout
 from mocca_robot.statics.compiled import compiled
+from mocca_robot.statics.factors import NotPositiveDefinite
+from mocca_robot.statics.sparse import SparseLayout
 from mocca_robot.statics.system import ContactSystem
 
 
@@ -61,12 +66,27 @@ def test_products_are_those_with_the_matrix(system: ContactSystem) -> None:
 def test_the_factor_is_that_of_the_normal_matrix(
     system: ContactSystem, narrow: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(banded, "NARROW", narrow)
+    monkeypatch.setattr(blocks_module, "NARROW", narrow)  # 0: sparse, whatever the width
     blocks, (y, b) = system.blocks, about_common_point(system)
     rng = np.random.default_rng(1)
     d, right = rng.uniform(0.1, 10.0, size=len(b)), rng.normal(size=blocks.size)
     matrix = y.T @ y + b.T @ (b * d[:, None])
     assert blocks.factor(blocks.gram(d)).solve(right) == pytest.approx(np.linalg.solve(matrix, right), rel=1e-10)
+
+
+@pytest.mark.parametrize("case", [dome(300, 0), wall(150, 0), arch(40, 0)], ids=lambda c: c.name)
+def test_sparse_and_banded_factors_agree_where_much_is_filled_in(case: Case) -> None:
+    blocks = case.system.blocks
+    graph = blocks.first, blocks.second, len(blocks.to_own), blocks.dof
+    rng = np.random.default_rng(2)
+    gram, right = blocks.gram(rng.uniform(0.1, 10.0, size=len(blocks.source))), rng.normal(size=blocks.size)
+    banded, sparse = (kind.of(*graph) for kind in (BandedLayout, SparseLayout))
+    expected = banded.factor(blocks.mass, gram).solve(right)
+    room = sparse.room()
+    for _ in range(2):  # what was in the room before does not matter
+        assert sparse.factor(blocks.mass, gram, room).solve(right) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    with pytest.raises(NotPositiveDefinite, match="pivot"):
+        sparse.factor(-blocks.mass, gram, room)
 
 
 def test_a_pivot_that_is_not_positive_is_named() -> None:

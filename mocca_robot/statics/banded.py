@@ -1,4 +1,4 @@
-"""Banded Cholesky of the normal equations: where the pairs' blocks lie, and the factor."""
+"""Banded Cholesky of the normal equations, for narrow structures: where the pairs' blocks lie, and the factor."""
 
 from __future__ import annotations
 
@@ -6,19 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import lapack
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from mocca_robot.assembly import Array, IntArray
-from mocca_robot.errors import MoccaError
 from mocca_robot.statics import band_kernels
-
-NARROW = 100
-"""Width up to which our own factorization is faster than LAPACK's: the columns of a part stay in the nearest cache."""
-
-
-class NotPositiveDefinite(MoccaError):
-    """Rounding has made a normal matrix indefinite."""
+from mocca_robot.statics.factors import require_positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,31 +48,27 @@ class BandedLayout:
         position = (place[:, None] * dof + np.arange(dof)).ravel()
         return cls(first, second, place, position, ends(place) * dof)
 
+    @property
+    def width(self) -> int:
+        """Return how many rows of the lower band the widest column has."""
+        count = len(self.ends)
+        dof = len(self.position) // max(count, 1)
+        return int((self.ends - dof * np.arange(count)).max(initial=1))
+
     def room(self) -> Array:
         """Return memory for a factor, (n, width): one column of the lower band a row."""
-        n, count = len(self.position), len(self.ends)
-        dof = n // max(count, 1)
-        return np.empty((n, int((self.ends - dof * np.arange(count)).max(initial=1))))
+        return np.empty((len(self.position), self.width))
 
-    def factor(self, mass: Array, gram: Array, room: Array | None = None) -> Factor:
-        """Return the Cholesky factor of the matrix with +H_p on, and −H_p off the diagonal, plus `mass`.
-
-        In `room` it lasts until the next one there; memory taken anew costs a tenth of the time.
-        """
+    def factor(self, mass: Array, gram: Array, room: Array | None = None) -> BandedFactor:
+        """Return the factor; see `factors.Layout`."""
         band = self.room() if room is None else room
         band_kernels.assemble(mass, gram, self.first, self.second, self.place, band)
-        if band.shape[1] <= NARROW:
-            pivot = band_kernels.factorize(band, self.ends)
-        else:
-            _, pivot = lapack.dpbtrf(band.T, lower=1, overwrite_ab=1)  # in place: Fortran order, as LAPACK wants it
-        if pivot != 0:
-            size = len(self.position)
-            raise NotPositiveDefinite(f"The normal matrix of size {size} is not positive definite at pivot {pivot}.")
-        return Factor(band, self.ends, self.position)
+        require_positive(band_kernels.factorize(band, self.ends), len(self.position))
+        return BandedFactor(band, self.ends, self.position)
 
 
 @dataclass(frozen=True, eq=False)
-class Factor:
+class BandedFactor:
     """A Cholesky factor: its band and ends as `band_kernels.factorize` has them, and the order of its unknowns."""
 
     band: Array

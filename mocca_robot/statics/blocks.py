@@ -14,13 +14,18 @@ import numpy as np
 
 from mocca_robot.assembly import Array, IntArray
 from mocca_robot.statics import kernels
-from mocca_robot.statics.banded import BandedLayout, Factor
+from mocca_robot.statics.banded import BandedLayout
+from mocca_robot.statics.factors import Factor, Layout
+from mocca_robot.statics.sparse import SparseLayout
 from mocca_robot.statics.system import ContactSystem
+
+NARROW = 100
+"""Width of the band up to which it is faster than a sparse factor: the columns of a part stay in the nearest cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class PairBlocks:
-    """Rays of a `ContactSystem` sorted by pair, for fast products with B, and the order of its banded Cholesky.
+    """Rays of a `ContactSystem` sorted by pair, for fast products with B, and the order of its Cholesky factors.
 
     Attributes:
         dof: 3 or 6.
@@ -126,13 +131,15 @@ class PairBlocks:
         return np.asarray(self.to_own.transpose(0, 2, 1) @ self.to_own)
 
     @cached_property
-    def band(self) -> BandedLayout:
-        """Return where the blocks lie in the banded normal matrix."""
-        return BandedLayout.of(self.first, self.second, len(self.to_own), self.dof)
+    def layout(self) -> Layout:
+        """Return where the blocks lie in the normal matrix: in a band, where that is narrow."""
+        graph = self.first, self.second, len(self.to_own)
+        banded = BandedLayout.of(*graph, self.dof)
+        return banded if banded.width <= NARROW else SparseLayout.of(*graph, self.dof)
 
     def factor(self, gram: Array, room: Array | None = None) -> Factor:
         """Return the Cholesky factor of YᵀY + BᵀDB from the H_p of `gram`. Raises NotPositiveDefinite."""
-        return self.band.factor(self.mass, gram, room)
+        return self.layout.factor(self.mass, gram, room)
 
 
 def _shift(x: Array) -> Array:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mocca_robot.assembly import Array, BoolArray
-from mocca_robot.statics.banded import NotPositiveDefinite
 from mocca_robot.statics.blocks import PairBlocks
+from mocca_robot.statics.factors import NotPositiveDefinite
 
 PENALTY = 1e9
 """Weight of B v + c = 0 against ½|v|² in one solve; a few rounds make both exact."""
@@ -30,7 +30,7 @@ def on_face(blocks: PairBlocks, pull: Array, c: Array, z: Array, pressing: BoolA
     """
     weight = np.where(pressing, np.maximum(z / z.max(initial=1e-300), LEAST_WEIGHT) ** 2, 0.0)
     try:
-        factor = blocks.band.factor(blocks.mass / PENALTY, blocks.gram(weight))
+        factor = blocks.layout.factor(blocks.mass / PENALTY, blocks.gram(weight))
     except NotPositiveDefinite:
         return None
     z, u = np.where(pressing, z, 0.0), np.zeros_like(pull)

@@ -13,8 +13,8 @@ import numpy as np
 
 from mocca_robot.assembly import Array
 from mocca_robot.statics import kernels, lorentz
-from mocca_robot.statics.banded import NotPositiveDefinite
 from mocca_robot.statics.blocks import PairBlocks
+from mocca_robot.statics.factors import NotPositiveDefinite
 from mocca_robot.statics.interior_point import (
     MAX_ITERATIONS,
     SMALL_GAP,
@@ -124,7 +124,7 @@ def _balanced(blocks: PairBlocks, z: Array, unbalanced: Array) -> Array | None:
 
     # 2 y yᵀ − depth·J = depth (2 b bᵀ − J) with b = y / √depth.
     try:
-        factor = blocks.band.factor(1e-10 * blocks.mass, _gram(blocks, y / np.sqrt(depth), depth))
+        factor = blocks.layout.factor(1e-10 * blocks.mass, _gram(blocks, y / np.sqrt(depth), depth))
     except NotPositiveDefinite:
         return None
     change, left = np.zeros_like(z), unbalanced

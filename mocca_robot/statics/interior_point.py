@@ -2,8 +2,8 @@
 
     min ½|v|² − wᵀv  subject to  B v + c = s ≥ 0,   with multipliers z ≥ 0:   v − w − Bᵀz = 0,  s ∘ z = 0.
 
-Every Newton step eliminates s and z and solves (I + BᵀDB) dv = r, D = z/s, by one banded Cholesky factorization
-(`blocks`). Predictor and second-order corrector follow Mehrotra (1992), a further corrector towards well centred
+Every Newton step eliminates s and z and solves (I + BᵀDB) dv = r, D = z/s, by one Cholesky factorization, banded or
+sparse (`blocks`). Predictor and second-order corrector follow Mehrotra (1992), a further corrector towards well centred
 products s ∘ z Gondzio (1996). As soon as it is clear which rays press, one linear system gives the rest (`face`).
 """
 
@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mocca_robot.assembly import Array, BoolArray, IntArray
-from mocca_robot.statics.banded import NotPositiveDefinite
 from mocca_robot.statics.blocks import PairBlocks
 from mocca_robot.statics.face import on_face
+from mocca_robot.statics.factors import NotPositiveDefinite
 from mocca_robot.statics.newton import Iterate, Point, Problem
 from mocca_robot.statics.solvers import SolverFailed
 from mocca_robot.statics.system import ContactSystem
@@ -87,7 +87,7 @@ def solve_interior_point(system: ContactSystem, w: Array, c: Array) -> tuple[Arr
     loads = np.atleast_2d(w)
     motions, forces = np.empty(loads.shape), np.empty((len(loads), len(c)))
     blocks = system.blocks
-    _ = blocks.band, blocks.mass  # made once, before threads ask for them
+    _ = blocks.layout, blocks.mass  # made once, before threads ask for them
     count = -(-len(loads) // CHAIN) if blocks.size >= WORTH_THREADS else 1
     chains = np.array_split(np.arange(len(loads)), max(1, count))
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from mocca_robot.assembly import Array
 from mocca_robot.statics import kernels
-from mocca_robot.statics.banded import Factor, NotPositiveDefinite
 from mocca_robot.statics.blocks import PairBlocks
+from mocca_robot.statics.factors import Factor, NotPositiveDefinite
 
 WEIGHT_LIMITS = (1e17, 1e13)
 """Largest z/s; the second one is tried where the first leaves the matrix indefinite in double precision."""
@@ -62,7 +62,7 @@ class Iterate:
         self.weights, self._target = np.empty((2, len(self.s)))
         self._ds, self._dz = np.zeros((2, len(self.s)))
         self._wrenches, self._inverse_wrenches, self._target_wrenches = np.empty((3, pairs, dof))
-        self._gram, self._room = np.empty((pairs, dof, dof)), self.blocks.band.room()
+        self._gram, self._room = np.empty((pairs, dof, dof)), self.blocks.layout.room()
         self._missing = self.blocks.times(self.u) + problem.c - self.s
         self._largest: float
         self.primal = float(np.abs(self._missing).max(initial=0.0))

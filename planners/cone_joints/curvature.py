@@ -21,7 +21,7 @@ from mocca_robot.assembly import Array, BoolArray
 from mocca_robot.statics.system import ContactSystem
 
 if TYPE_CHECKING:
-    from mocca_robot.statics.banded import Factor
+    from mocca_robot.statics.factors import Factor
 
 LARGE = 1200
 """Unknowns up to which the matrix is written out."""
