@@ -103,7 +103,7 @@ def agreement(quick: bool = False, only: str | None = None) -> Iterator[Measurem
 
 def agreement_configs(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
     """Yield a row per configuration, friction and azimuth, of the built design; flat ones only when `quick`."""
-    yield from _rows("agreement_configs", _config_cases(quick, only), None)
+    yield from _rows("agreement_configs", _config_cases(quick, only), only)
 
 
 def _rows(
@@ -148,7 +148,7 @@ def random_case(kind: str, seed: int) -> Comparison | str:
 
 def _config_cases(quick: bool, only: str | None) -> Iterator[tuple[str, Callable[[], Comparison | str]]]:
     for path in sorted(CONFIGS.glob("*.yaml")):
-        if only and only not in path.stem:
+        if only and only not in path.stem and not only.startswith(f"{path.stem} "):
             continue
         config = load(path)
         if quick and config.assembly.dimension == 3:
