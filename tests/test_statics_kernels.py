@@ -8,11 +8,15 @@ import numba
 import numpy as np
 import pytest
 
+from benchmarks import growth
 from benchmarks.cases import Case, arch, dome, wall
+from benchmarks.design_baseline import leaning_wall
 from mocca_robot.assembly import Array
+from mocca_robot.contacts import find_contacts
 from mocca_robot.statics import band_kernels, kernels
 from mocca_robot.statics import blocks as blocks_module
 from mocca_robot.statics.banded import BandedLayout
+from mocca_robot.statics.blocks import SPARSE_COSTS
 from mocca_robot.statics.compiled import compiled
 from mocca_robot.statics.factors import NotPositiveDefinite
 from mocca_robot.statics.sparse import SparseLayout
@@ -62,11 +66,13 @@ def test_products_are_those_with_the_matrix(system: ContactSystem) -> None:
     assert system.matrix.T @ blocks.forces(z) == pytest.approx(blocks.own_wrenches(b.T @ z), abs=1e-12)
 
 
-@pytest.mark.parametrize("narrow", [0, 100])
+@pytest.mark.parametrize("kind", [BandedLayout, SparseLayout])
 def test_the_factor_is_that_of_the_normal_matrix(
-    system: ContactSystem, narrow: int, monkeypatch: pytest.MonkeyPatch
+    system: ContactSystem, kind: type, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(blocks_module, "NARROW", narrow)  # 0: sparse, whatever the width
+    monkeypatch.setattr(blocks_module, "NARROW", 0)
+    monkeypatch.setattr(blocks_module, "SPARSE_COSTS", 0.0 if kind is SparseLayout else np.inf)
+    assert isinstance(system.blocks.layout, kind)
     blocks, (y, b) = system.blocks, about_common_point(system)
     rng = np.random.default_rng(1)
     d, right = rng.uniform(0.1, 10.0, size=len(b)), rng.normal(size=blocks.size)
@@ -87,6 +93,19 @@ def test_sparse_and_banded_factors_agree_where_much_is_filled_in(case: Case) -> 
         assert sparse.factor(blocks.mass, gram, room).solve(right) == pytest.approx(expected, rel=1e-9, abs=1e-12)
     with pytest.raises(NotPositiveDefinite, match="pivot"):
         sparse.factor(-blocks.mass, gram, room)
+
+
+@pytest.mark.parametrize(("make", "parts", "sparse"), [(growth.dome, 400, True), (leaning_wall, 1500, False)])
+def test_a_wide_dome_is_sparse_and_a_flat_wall_has_a_band(make: Callable, parts: int, sparse: bool) -> None:
+    assembly = make(parts)
+    free = np.flatnonzero(~assembly.fixed)
+    number = np.full(len(assembly.parts), len(free))
+    number[free] = np.arange(len(free))
+    pairs = np.unique([c.parts for c in find_contacts(assembly).contacts], axis=0)
+    graph = *number[pairs].T, len(free), assembly.dof
+    banded, columns = BandedLayout.of(*graph), SparseLayout.of(*graph)
+    assert columns.multiplications < banded.multiplications
+    assert (SPARSE_COSTS * columns.multiplications < banded.multiplications) is sparse
 
 
 def test_a_pivot_that_is_not_positive_is_named() -> None:

@@ -42,7 +42,8 @@ def factorize(band: Array, ends: IntArray) -> int:
     """Turn a band as in `assemble` into its Cholesky factor; return 0, or which pivot, from 1, is not positive.
 
     Column c of part k = c // dof has nothing, and the factor neither, below row ends[k] − 1. Using that, and taking off
-    all columns of a part at once, a narrow band takes two thirds of the time of LAPACK's factorization.
+    all columns of a part at once, takes two thirds of the time of LAPACK's factorization where the band is narrow, and
+    as long where it is wide.
     """
     n, dof = len(band), len(band) // max(len(ends), 1)
     part = np.zeros((dof, band.shape[1]))  # its columns, row by row: [c, r − first] is the entry in row r

@@ -1,4 +1,4 @@
-"""Banded Cholesky of the normal equations, for narrow structures: where the pairs' blocks lie, and the factor."""
+"""Banded Cholesky of the normal equations: where the pairs' blocks lie, and the factor."""
 
 from __future__ import annotations
 
@@ -51,9 +51,18 @@ class BandedLayout:
     @property
     def width(self) -> int:
         """Return how many rows of the lower band the widest column has."""
+        return int(self._rows.max(initial=1))
+
+    @property
+    def multiplications(self) -> float:
+        """Return about how many a factorization takes."""
+        return float((self._rows**2.0).sum()) * len(self.position) / max(len(self.ends), 1)
+
+    @property
+    def _rows(self) -> IntArray:
+        """Return (F,) how many rows the first column of the part at every place has."""
         count = len(self.ends)
-        dof = len(self.position) // max(count, 1)
-        return int((self.ends - dof * np.arange(count)).max(initial=1))
+        return np.asarray(self.ends - len(self.position) // max(count, 1) * np.arange(count))
 
     def room(self) -> Array:
         """Return memory for a factor, (n, width): one column of the lower band a row."""

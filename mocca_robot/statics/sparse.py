@@ -1,7 +1,7 @@
-"""Sparse Cholesky of the normal equations, for structures whose band is wide: domes, shells, large walls.
+"""Sparse Cholesky of the normal equations, for structures whose band is wide: large domes and shells.
 
 A dome of N parts has a band of √N parts, and its factor in the order of minimum degree has N log N blocks: with 2,000
-parts a tenth of the operations.
+parts a seventh of the multiplications, in runs so short that they take half the time.
 """
 
 from __future__ import annotations
@@ -49,6 +49,11 @@ class SparseLayout:
         below = np.zeros(len(first), dtype=np.int64)
         below[inner] = [int(np.searchsorted(columns[c], r)) for c, r in zip(low, high, strict=True)]
         return cls(first, second, place, starts, np.concatenate(columns), below, dof)
+
+    @property
+    def multiplications(self) -> float:
+        """Return about how many a factorization takes."""
+        return float((np.diff(self.starts) ** 2.0).sum()) * self.dof**3
 
     def room(self) -> Array:
         """Return memory for a factor."""

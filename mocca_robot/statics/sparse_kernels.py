@@ -64,55 +64,73 @@ def _longest(starts: IntArray) -> int:
 def factorize(starts: IntArray, rows: IntArray, dof: int, values: Array) -> int:
     """Turn a matrix as in `assemble` into its Cholesky factor; return 0, or which pivot, from 1, is not positive.
 
-    Every column that is done is taken off all that it reaches; blocks that follow one another in both go together.
+    Every column of blocks that is done is taken off all those that it reaches.
     """
-    count = len(starts) - 1
     room = np.empty((dof, dof * _longest(starts)))
-    for j in range(count):
-        blocks = starts[j + 1] - starts[j]
-        high, begin, mine = dof * blocks, dof * dof * starts[j], rows[starts[j] : starts[j + 1]]
-        for c in range(dof):
-            column, copy = values[begin + c * high : begin + (c + 1) * high], room[c, :high]
-            if not column[c] > 0.0:
-                return j * dof + c + 1
-            scale = 1.0 / np.sqrt(column[c])
-            for k in range(high):
-                scaled = column[k] * scale
-                column[k] = scaled
-                copy[k] = scaled
-            for later in range(c + 1, dof):
-                factor, rest = copy[later], values[begin + later * high : begin + (later + 1) * high]
-                for k in range(high):
-                    rest[k] -= factor * copy[k]
-        for p in range(1, blocks):
+    for j in range(len(starts) - 1):
+        mine = rows[starts[j] : starts[j + 1]]
+        begin, end = dof * dof * starts[j], dof * dof * starts[j + 1]
+        pivot = _done(values[begin:end], room, dof)
+        if pivot != 0:
+            return j * dof + pivot
+        for p in range(1, len(mine)):
             i = mine[p]
             theirs = rows[starts[i] : starts[i + 1]]
-            high, begin = dof * len(theirs), dof * dof * starts[i]
-            q, at = p, 0
-            while q < blocks:
-                while theirs[at] != mine[q]:
-                    at += 1
-                run = 1
-                while q + run < blocks and theirs[at + run] == mine[q + run]:
-                    run += 1
-                low, up = q * dof, (q + run) * dof
-                for b in range(dof):
-                    rest = values[begin + b * high + at * dof : begin + b * high + (at + run) * dof]
-                    row = p * dof + b
-                    if dof == 3:
-                        x, y, t = room[0, low:up], room[1, low:up], room[2, low:up]
-                        x0, y0, t0 = room[0, row], room[1, row], room[2, row]
-                        for k in range(len(rest)):
-                            rest[k] -= x0 * x[k] + y0 * y[k] + t0 * t[k]
-                    else:
-                        x, y, z = room[0, low:up], room[1, low:up], room[2, low:up]
-                        t, u, v = room[3, low:up], room[4, low:up], room[5, low:up]
-                        x0, y0, z0 = room[0, row], room[1, row], room[2, row]
-                        t0, u0, v0 = room[3, row], room[4, row], room[5, row]
-                        for k in range(len(rest)):
-                            rest[k] -= x0 * x[k] + y0 * y[k] + z0 * z[k] + t0 * t[k] + u0 * u[k] + v0 * v[k]
-                q, at = q + run, at + run
+            begin, end = dof * dof * starts[i], dof * dof * starts[i + 1]
+            _take_off(room, mine, p, values[begin:end], theirs, dof)
     return 0
+
+
+@compiled
+def _done(block_column: Array, copy: Array, dof: int) -> int:
+    """Turn a column of blocks into that of the factor, and copy it; return 0 or the pivot as `factorize` does."""
+    high = len(block_column) // dof
+    for c in range(dof):
+        column, copied = block_column[c * high : (c + 1) * high], copy[c, :high]
+        if not column[c] > 0.0:
+            return c + 1
+        scale = 1.0 / np.sqrt(column[c])
+        for k in range(high):
+            scaled = column[k] * scale
+            column[k] = scaled
+            copied[k] = scaled
+        for later in range(c + 1, dof):
+            factor, rest = copied[later], block_column[later * high : (later + 1) * high]
+            for k in range(high):
+                rest[k] -= factor * copied[k]
+    return 0
+
+
+@compiled
+def _take_off(done: Array, mine: IntArray, p: int, block_column: Array, theirs: IntArray, dof: int) -> None:
+    """Take what block p of a column that is `done` does off the column whose diagonal is in its row.
+
+    The blocks below p are all in that column, too; those that follow one another in both go together.
+    """
+    high = dof * len(theirs)
+    q, at = p, 0
+    while q < len(mine):
+        while theirs[at] != mine[q]:
+            at += 1
+        run = 1
+        while q + run < len(mine) and theirs[at + run] == mine[q + run]:
+            run += 1
+        low, up = q * dof, (q + run) * dof
+        for b in range(dof):
+            rest, row = block_column[b * high + at * dof : b * high + (at + run) * dof], p * dof + b
+            if dof == 3:
+                x, y, t = done[0, low:up], done[1, low:up], done[2, low:up]
+                x0, y0, t0 = done[0, row], done[1, row], done[2, row]
+                for k in range(len(rest)):
+                    rest[k] -= x0 * x[k] + y0 * y[k] + t0 * t[k]
+            else:
+                x, y, z = done[0, low:up], done[1, low:up], done[2, low:up]
+                t, u, v = done[3, low:up], done[4, low:up], done[5, low:up]
+                x0, y0, z0 = done[0, row], done[1, row], done[2, row]
+                t0, u0, v0 = done[3, row], done[4, row], done[5, row]
+                for k in range(len(rest)):
+                    rest[k] -= x0 * x[k] + y0 * y[k] + z0 * z[k] + t0 * t[k] + u0 * u[k] + v0 * v[k]
+        q, at = q + run, at + run
 
 
 @compiled
