@@ -35,8 +35,7 @@ class BandedLayout:
         """Return the order of `n_free` parts with pairs of neighbours (P,), (P,); other numbers stand for ground."""
         inner = (first < n_free) & (second < n_free)
         i, j = first[inner], second[inner]
-        graph = sp.csr_array((np.ones(2 * len(i)), (np.r_[i, j], np.r_[j, i])), shape=(n_free, n_free))
-        near, here = np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True)), np.arange(n_free)
+        near, here = np.asarray(reverse_cuthill_mckee(_graph(i, j, n_free), symmetric_mode=True)), np.arange(n_free)
 
         def ends(place: IntArray) -> IntArray:
             last = here.copy()
@@ -74,6 +73,14 @@ class BandedLayout:
         band_kernels.assemble(mass, gram, self.first, self.second, self.place, band)
         require_positive(band_kernels.factorize(band, self.ends), len(self.position))
         return BandedFactor(band, self.ends, self.position)
+
+
+def _graph(i: IntArray, j: IntArray, count: int) -> sp.csr_array:
+    """Return the adjacency of neighbours (P,), (P,), each pair of which is there once."""
+    one, other = np.r_[i, j], np.r_[j, i]
+    order = np.lexsort((other, one))
+    starts = np.r_[0, np.cumsum(np.bincount(one, minlength=count))]
+    return sp.csr_array((np.ones(len(order)), other[order], starts), shape=(count, count))
 
 
 @dataclass(frozen=True, eq=False)
