@@ -205,11 +205,7 @@ def _profile(run: Run, docs: Path) -> str:
 def _agreement(run: Run, docs: Path) -> str:
     found = Counter(r.verdict.partition(":")[0] for r in run.rows if r.case != "all")
     words = ", ".join(f"{count} {verdict}" for verdict, count in sorted(found.items()))
-    apart = [
-        (r.case, r.verdict.partition(": ")[2])
-        for r in sorted(run.rows, key=lambda r: r.case)
-        if r.verdict.startswith("DISAGREE")
-    ]
+    apart = sorted((r.case, r.verdict.partition(": ")[2]) for r in run.rows if r.verdict.startswith("DISAGREE"))
     listed = _table(("disagrees", "both verdicts, and the cause"), apart) if apart else ""
     return f"{AGREEMENT_TEXT} {words}.\n\n{listed}".rstrip()
 
