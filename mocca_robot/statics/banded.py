@@ -35,7 +35,7 @@ class BandedLayout:
         """Return the order of `n_free` parts with pairs of neighbours (P,), (P,); other numbers stand for ground."""
         inner = (first < n_free) & (second < n_free)
         i, j = first[inner], second[inner]
-        near, here = np.asarray(reverse_cuthill_mckee(_graph(i, j, n_free), symmetric_mode=True)), np.arange(n_free)
+        near, here = np.asarray(reverse_cuthill_mckee(adjacency(i, j, n_free), symmetric_mode=True)), np.arange(n_free)
 
         def ends(place: IntArray) -> IntArray:
             last = here.copy()
@@ -75,7 +75,7 @@ class BandedLayout:
         return BandedFactor(band, self.ends, self.position)
 
 
-def _graph(i: IntArray, j: IntArray, count: int) -> sp.csr_array:
+def adjacency(i: IntArray, j: IntArray, count: int) -> sp.csr_array:
     """Return the adjacency of neighbours (P,), (P,), each pair of which is there once."""
     one, other = np.r_[i, j], np.r_[j, i]
     order = np.lexsort((other, one))

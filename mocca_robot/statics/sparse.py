@@ -14,6 +14,7 @@ from scipy.sparse.linalg import splu
 
 from mocca_robot.assembly import Array, IntArray
 from mocca_robot.statics import sparse_kernels
+from mocca_robot.statics.banded import adjacency
 from mocca_robot.statics.factors import require_positive
 
 
@@ -85,8 +86,8 @@ class SparseFactor:
 
 def _minimum_degree(i: IntArray, j: IntArray, count: int) -> IntArray:
     """Return (count,) the place of every part in the order that SuperLU takes for a symmetric matrix of its graph."""
-    links = sp.csc_array((-np.ones(2 * len(i)), (np.r_[i, j], np.r_[j, i])), shape=(count, count))
-    laplacian = sp.csc_array(links + sp.diags_array(1.0 - np.asarray(links.sum(axis=0)).ravel()))
+    links = adjacency(i, j, count)
+    laplacian = sp.csc_array(sp.diags_array(1.0 + links.sum(axis=0)) - links)
     mode = {"SymmetricMode": True}
     found = splu(laplacian, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=mode)
     return np.asarray(found.perm_c, dtype=np.int64)
