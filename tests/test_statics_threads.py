@@ -54,7 +54,7 @@ def test_chains_of_loads_have_the_same_answers_on_any_number_of_cores(monkeypatc
     monkeypatch.setattr(interior_point, "WORTH_THREADS", 100)
     found = []
     for cores in (1, 2, 3):
-        monkeypatch.setattr(interior_point.os, "cpu_count", lambda cores=cores: cores)
+        monkeypatch.setattr(os, "cpu_count", lambda cores=cores: cores)
         found.append(interior_point.solve_interior_point(case.system, loads, c))
     for motions, forces in found[1:]:
         assert np.array_equal(motions, found[0][0]) and np.array_equal(forces, found[0][1])

@@ -9,20 +9,18 @@ products s ∘ z Gondzio (1996). As soon as it is clear which rays press, one li
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray, IntArray
+from mocca_robot.assembly import Array, BoolArray
 from mocca_robot.statics.blocks import PairBlocks
 from mocca_robot.statics.face import on_face
 from mocca_robot.statics.factors import NotPositiveDefinite
 from mocca_robot.statics.newton import Iterate, Point, Problem
 from mocca_robot.statics.solvers import SolverFailed
 from mocca_robot.statics.system import ContactSystem
-from mocca_robot.statics.threads import with_one_blas_thread
+from mocca_robot.statics.threads import on_all_cores, with_one_blas_thread
 
 MAX_ITERATIONS = 100
 TOLERANCE = 2e-9
@@ -88,25 +86,13 @@ def solve_interior_point(system: ContactSystem, w: Array, c: Array) -> tuple[Arr
     motions, forces = np.empty(loads.shape), np.empty((len(loads), len(c)))
     blocks = system.blocks
     _ = blocks.layout, blocks.mass  # made once, before threads ask for them
-    count = -(-len(loads) // CHAIN) if blocks.size >= WORTH_THREADS else 1
-    chains = np.array_split(np.arange(len(loads)), max(1, count))
-
-    def solve(chain: IntArray) -> None:
-        if not len(chain):
-            return
-        _solve_chain(blocks, loads[chain], c, motions[chain[0] : chain[-1] + 1], forces[chain[0] : chain[-1] + 1])
-
-    threads = min(len(chains), os.cpu_count() or 1)
-    if threads > 1:
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(solve, chains))
-    else:
-        for chain in chains:
-            solve(chain)
+    count = max(1, -(-len(loads) // CHAIN)) if blocks.size >= WORTH_THREADS else 1
+    chains = list(zip(*(np.array_split(x, count) for x in (loads, motions, forces)), strict=True))
+    on_all_cores(lambda chain: _solve_chain(blocks, c, *chain), chains)
     return motions.reshape(w.shape), forces.reshape(*w.shape[:-1], -1)
 
 
-def _solve_chain(blocks: PairBlocks, loads: Array, c: Array, motions: Array, forces: Array) -> None:
+def _solve_chain(blocks: PairBlocks, c: Array, loads: Array, motions: Array, forces: Array) -> None:
     """Set `motions` (K, n) and `forces` (K, C) for loads that start from one another, in their order."""
     kept: Kept | None = None
     for k, load in enumerate(loads):

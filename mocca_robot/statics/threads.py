@@ -1,8 +1,13 @@
-"""One thread for the linear algebra inside a task: its blocks are too small to share, and waiting burns time."""
+"""Tasks side by side on the machine's cores, and one thread for the linear algebra inside each.
+
+Blocks of a task are too small to share, and waiting for one another burns time.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache, wraps
 from typing import ParamSpec, TypeVar
 
@@ -11,6 +16,7 @@ from threadpoolctl import ThreadpoolController
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 
 
 @cache
@@ -28,3 +34,14 @@ def with_one_blas_thread(task: Callable[P, R]) -> Callable[P, R]:
             return task(*args, **kwargs)
 
     return alone
+
+
+def on_all_cores(task: Callable[[T], None], items: Sequence[T]) -> None:
+    """Run `task` on every item, in threads where there are several of both; raise the first error."""
+    threads = min(os.cpu_count() or 1, len(items))
+    if threads > 1:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(task, items))
+    else:
+        for item in items:
+            task(item)

@@ -7,9 +7,7 @@ of the contact forces in it, which is a sum over joints.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,6 +20,7 @@ from mocca_robot.motion_cone import cross
 from mocca_robot.statics.batch import BatchResult, solve_cases
 from mocca_robot.statics.equilibrium import solve_system
 from mocca_robot.statics.system import ContactSystem
+from mocca_robot.statics.threads import on_all_cores
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,13 +184,7 @@ def each_case(
         forces[k, rays] = np.nan_to_num(result.forces)
         residual[k, moving] = scaled[k][moving] + part.matrix.T @ forces[k, rays]
 
-    threads = min(os.cpu_count() or 1, len(scaled))
-    if threads > 1:
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(one, range(len(scaled))))
-    else:
-        for k in range(len(scaled)):
-            one(k)
+    on_all_cores(one, range(len(scaled)))
     return residual, forces
 
 
