@@ -106,10 +106,10 @@ def _outside(cone: InsertionCone) -> list[Direction]:
     if not len(cone.normals):
         return []
     azimuths = [0.0, np.pi] if len(cone.axis) == 2 else list(2 * np.pi * np.arange(8) / 8)
+    angles = np.linspace(0.0, np.pi, 1441)
     found = []
     for azimuth in azimuths:
-        angles = np.linspace(0.0, np.pi, 1441)
-        ways = np.array([_turned(cone.axis, a, azimuth) for a in angles])
+        ways = _turned(cone.axis, angles, azimuth)
         clearance = np.arcsin(np.clip((-ways @ cone.normals.T).min(axis=1), -1.0, 1.0))
         blocked = np.flatnonzero(clearance <= -OUTSIDE)
         if len(blocked):
@@ -117,14 +117,13 @@ def _outside(cone: InsertionCone) -> list[Direction]:
     return found
 
 
-def _turned(axis: Array, angle: float, azimuth: float) -> Array:
+def _turned(axis: Array, angle: float | Array, azimuth: float) -> Array:
+    """Return (..., d) the axis turned by every angle (...) towards the azimuth about it."""
+    c, s = np.cos(angle)[..., np.newaxis], np.sin(angle)[..., np.newaxis]
     if len(axis) == 2:
-        turn = angle if np.cos(azimuth) > 0 else -angle
-        c, s = np.cos(turn), np.sin(turn)
-        return np.array([c * axis[0] - s * axis[1], s * axis[0] + c * axis[1]])
+        return np.asarray(c * axis + (s if np.cos(azimuth) > 0 else -s) * [-axis[1], axis[0]])
     seed = np.eye(3)[np.abs(axis).argmin()]
     first = np.cross(axis, seed)
     first /= np.linalg.norm(first)
     second = np.cross(axis, first)
-    side = np.cos(azimuth) * first + np.sin(azimuth) * second
-    return np.asarray(np.cos(angle) * axis + np.sin(angle) * side)
+    return np.asarray(c * axis + s * (np.cos(azimuth) * first + np.sin(azimuth) * second))
