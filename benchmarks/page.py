@@ -19,15 +19,14 @@ FIGURES = "figures/bench"
 INTRODUCTION = """<!-- Written by `python -m benchmarks page` from what `make bench` kept; edit benchmarks/page.py. -->
 # Benchmarks
 
-Every number here was measured by the project's benchmarks on one machine; rows of a chapter may come from runs at
-different times, with whatever else the machine had to do. Yours will differ: `make bench` writes this page for your
-computer. Seconds are the median of a process's CPU time unless a line says otherwise: that is disturbed less than the
-clock by what ran beside. `kkt` is the relative residual of the optimality
-conditions, computed in the same way for every solver. Time limits are by the clock. Each chapter names the load at its
-end: where that is above the number of cores, others used the machine as well, and all times are longer than they would
-be on a quiet one. Cases that have not been measured are missing, chapters
-without any are named at the end. [Performance](performance.md) says how to
-run one of them.
+Every number here was measured by the project's benchmarks on the machine that its chapter names; rows of a chapter
+may come from runs at different times, with whatever else the machine had to do. Yours will differ: `make bench`
+writes this page for your computer. Seconds are the median of a process's CPU time unless a line says otherwise: that
+is disturbed less than the clock by what ran beside. `kkt` is the relative residual of the optimality conditions,
+computed in the same way for every solver. Time limits are by the clock. Each chapter names the load at its end: where
+that is above the number of cores, others used the machine as well, and all times are longer than they would be on a
+quiet one. Cases that have not been measured are missing, chapters without any are named at the end.
+[Performance](performance.md) says how to run one of them.
 """
 CONFIGS_TEXT = """The article's times are those of its Table 1 (Knitro, 64 cores, wall clock); ours are CPU seconds
 of all threads together, for the design alone: contacts are found before."""
@@ -64,20 +63,33 @@ by the clock."""
 
 
 def write_page(docs: Path = DOCS, folder: Path = FOLDER) -> Path:
-    """Return docs/benchmarks.md after writing it and its figures. Benchmarks that were not run are named at its end."""
+    """Return docs/benchmarks.md after writing it and its figures.
+
+    Chapters of benchmarks without rows here stay as they were, measured elsewhere or earlier; those that the page never
+    had are named at its end.
+    """
+    path = docs / "benchmarks.md"
+    before = chapters_of(path.read_text(encoding="utf-8")) if path.exists() else {}
     chapters, missing = [], []
     for bench, (title, text) in CHAPTERS.items():
         run = read(path_of(bench, False, folder))
         if run is not None and run.rows:
             chapters.append(f"## {title}\n\n{_about(run)}\n\n{text(run, docs)}")
+        elif title in before:
+            chapters.append(f"## {title}\n\n{before[title]}")
         else:
             missing.append((title, f"`python -m benchmarks {bench} --keep`"))
     if missing:
         chapters.append(f"## Not measured for this page\n\n{_table(('chapter', 'what measures it'), missing)}")
     page = INTRODUCTION + "\n" + "\n\n".join(chapters) + "\n"
-    path = docs / "benchmarks.md"
     path.write_text(page, encoding="utf-8")
     return path
+
+
+def chapters_of(page: str) -> dict[str, str]:
+    """Return the text of every chapter of a page by its title."""
+    parts = re.split(r"^## (.*)$", page, flags=re.MULTILINE)
+    return {title: text.strip() for title, text in zip(parts[1::2], parts[2::2])}
 
 
 def _about(run: Run) -> str:

@@ -17,7 +17,7 @@ from benchmarks.cases import KINDS, wall
 from benchmarks.contacts import box_wall
 from benchmarks.growth import STRUCTURES
 from benchmarks.measurement import Measurement, Outcome, measure
-from benchmarks.page import write_page
+from benchmarks.page import chapters_of, write_page
 from benchmarks.profile import profile
 from benchmarks.store import changes, keep, read
 from mocca_robot.contacts import find_contacts
@@ -121,6 +121,18 @@ def test_the_page_has_a_chapter_per_benchmark_that_was_run(tmp_path: Path) -> No
     assert "| dome | 50 – 400 | 1.50 |" in text
     for figure in re.findall(r"\((figures/\S+\.svg)\)", text):
         assert ET.parse(tmp_path / figure).getroot().tag.endswith("svg")
+
+
+def test_chapters_that_were_not_measured_here_stay(tmp_path: Path) -> None:
+    there, here = tmp_path / "there", tmp_path / "here"
+    for name in ("growth", "friction"):
+        keep(name, [row("dome-50", "ours", 1.0, "holds; 50 parts, 100 joints")], False, there)
+    keep("growth", [row("dome-60", "ours", 2.0, "holds; 60 parts, 120 joints")], False, here)
+    before = chapters_of(write_page(tmp_path, there).read_text(encoding="utf-8"))
+    after = chapters_of(write_page(tmp_path, here).read_text(encoding="utf-8"))
+    assert after["Statics with friction"] == before["Statics with friction"]
+    assert "dome-60" in after["Growth"] and "dome-50" not in after["Growth"]
+    assert after.keys() == before.keys()
 
 
 def test_the_profile_shares_out_all_time() -> None:
