@@ -82,6 +82,13 @@ def test_names_that_are_no_file_names_are_refused(here: Path, capsys: pytest.Cap
     assert list(here.iterdir()) == []
 
 
+def test_a_model_given_as_name_is_told_from_it(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("my roof.svg").write_text("mine", encoding="utf-8")
+    assert main(["new", "my roof.svg"]) == 2
+    assert "mocca-robot new 'my roof' --from 'my roof.svg'" in capsys.readouterr().err
+    assert [f.name for f in here.iterdir()] == ["my roof.svg"]
+
+
 def test_a_mesh_without_unit_is_asked_for_it_with_the_sizes(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = here / "stones"
     folder.mkdir()

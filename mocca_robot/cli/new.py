@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,6 +50,10 @@ def run(args: argparse.Namespace) -> int:
     from mocca_robot.files.fields import UNITS_M, choice
     from mocca_robot.files.output import writable_folder, write_atomic
 
+    model = Path(args.name)
+    if args.source is None and model.suffix.lower() not in ("", ".yaml", ".yml") and model.is_file():
+        told = f"mocca-robot new {shlex.quote(model.stem)} --from {shlex.quote(args.name)}"
+        raise InputError(f"'{model}' is a file, and NAME the structure's; if it is your model: {told}")
     name = starter.require_name(args.name)
     if args.units is not None:
         choice(args.units, tuple(UNITS_M), "--units")
