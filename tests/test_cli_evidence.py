@@ -103,3 +103,8 @@ def test_jams_inside_and_passages_outside_the_cone() -> None:
 def test_engines_are_no_closer_than_physics_is_fine() -> None:
     told = {"engine": "mujoco", "tilt": [{**tilt(12.5, 12.5, 0.0), "within_deg": 0.05}]}
     assert "statics at most 0.05° apart" in physics_words(told)
+
+
+def test_every_friction_has_its_tilt() -> None:
+    told = {"tilt": [tilt(12.5, 12.5, 0.0), tilt(30.0, 30.0, 0.3), tilt(21.0, 21.5, 0.3)]}
+    assert "(statics at most 0.00° apart), 21.00° with friction 0.3 (statics at most 0.50°" in physics_words(told)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -81,11 +81,8 @@ def physics_words(simulation: Mapping[str, Any]) -> str:
     if states:
         stand = sum(s["stable"] is True for s in states)
         said.append(f"{stand} of {len(states)} states stand, {sum(s['agrees'] for s in states)} agree with statics")
-    level = [t for t in tilts if t["friction"] == 0.0]
-    if level:
-        least = min(level, key=lambda t: t["critical_deg"])
-        apart = max(abs(t["critical_deg"] - t["statics_deg"]) + t.get("within_deg", 0.0) for t in level)
-        said.append(f"falls at a tilt of {least['critical_deg']:.2f}° (statics at most {apart:.2f}° apart)")
+    if tilts:
+        said.append(f"falls at a tilt of {_tilt_words(tilts)}")
     if insertion:
         trials, passed = (sum(e["inside"][k] for e in insertion) for k in ("trials", "succeeded"))
         wrong, through = (sum(e["outside"][k] for e in insertion) for k in ("trials", "succeeded"))
@@ -97,6 +94,18 @@ def physics_words(simulation: Mapping[str, Any]) -> str:
             f"({robust['low']:.0%} to {robust['high']:.0%} at {robust['confidence']:.0%} confidence)"
         )
     return f"{simulation.get('engine', 'MuJoCo')}: " + ("; ".join(said) or "nothing was asked")
+
+
+def _tilt_words(tilts: Sequence[Mapping[str, Any]]) -> str:
+    """Return the tilt towards the weakest side for every friction, and how far statics is off on any side."""
+    said = []
+    for friction in sorted({float(t["friction"]) for t in tilts}):
+        mine = [t for t in tilts if t["friction"] == friction]
+        least = min(float(t["critical_deg"]) for t in mine)
+        apart = max(abs(t["critical_deg"] - t["statics_deg"]) + t.get("within_deg", 0.0) for t in mine)
+        given = f" with friction {friction:g}" if friction else ""
+        said.append(f"{least:.2f}°{given} (statics at most {apart:.2f}° apart)")
+    return ", ".join(said)
 
 
 def document(outcome: Outcome, supports: tuple[str, ...]) -> dict[str, Any]:
