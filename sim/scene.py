@@ -93,7 +93,7 @@ def predict(scene: Scene) -> SizePrediction:
     """Return the size of the model that `scene` will become."""
     model = scene.contact_model.only(scene.present)
     convex = sum(g.kind == "convex" for g in model.geoms)
-    contacts = (len(model.pairs) if model.pairs is not None else 0) + 8 * convex
+    contacts = len(_pairs(scene, model)) + 8 * convex
     dofs = scene.assembly.dof * int(scene.free.sum())
     # Per contact: 0.6 kB of itself, condim rows over two bodies; per body the sparse factor's fill.
     rows = contacts * scene.settings.condim
@@ -120,16 +120,12 @@ def spec(scene: Scene) -> Any:
     _set_options(out, scene)
     out.memory = size.memory_bytes
     bodies = {int(k): _body(out, scene, int(k)) for k in np.flatnonzero(scene.present)}
-    names = [_geom(out, scene, bodies[g.part], k, g) for k, g in _present_geoms(scene)]
-    if scene.contact_model.pairs is not None:
-        present = scene.contact_model.only(scene.present)
-        for a, b in present.pairs or ():
-            # MuJoCo collides what is paired even where neither can move: among held parts most of a step.
-            if scene.held[[present.geoms[a].part, present.geoms[b].part]].all():
-                continue
-            # Points only: between meshes a margin makes contacts that are not there.
-            margin = scene.settings.margin if present.geoms[b].kind == "sphere" else 0.0
-            _pair(out, scene, names[a], names[b], margin)
+    present = scene.contact_model.only(scene.present)
+    names = [_geom(out, scene, bodies[g.part], k, g) for k, g in enumerate(present.geoms)]
+    for a, b in _pairs(scene, present):
+        # Points only: between meshes a margin makes contacts that are not there.
+        margin = scene.settings.margin if present.geoms[b].kind == "sphere" else 0.0
+        _pair(out, scene, names[a], names[b], margin)
     if scene.hand is not None:
         _actuators(out, scene)
     return out
@@ -177,6 +173,15 @@ def with_timestep(compiled: Compiled, timestep: float, contact_steps: float | No
     model.pair_solref[:] = scene.settings.solref
     model.pair_margin[model.pair_margin > 0.0] = scene.settings.margin
     return Compiled(scene, model, compiled.parts, compiled.qpos, compiled.dof)
+
+
+def _pairs(scene: Scene, model: ContactModel) -> list[tuple[int, int]]:
+    """Return the explicit pairs of `model`'s shapes that can meet.
+
+    MuJoCo collides what is paired even where neither can move: among held parts most of a step.
+    """
+    held = [scene.held[g.part] for g in model.geoms]
+    return [(a, b) for a, b in model.pairs or () if not (held[a] and held[b])]
 
 
 def _set_options(out: Any, scene: Scene) -> None:
@@ -239,10 +244,6 @@ def _planar_axes(slide: Any, hinge: Any) -> list[tuple[str, Any, list[float]]]:
 def _axes(slide: Any, hinge: Any) -> list[tuple[str, Any, list[float]]]:
     unit = np.eye(3).tolist()
     return [(f"{n}{a}", k, unit[i]) for n, k in (("", slide), ("turn_", hinge)) for i, a in enumerate("xyz")]
-
-
-def _present_geoms(scene: Scene) -> list[tuple[int, Geom]]:
-    return list(enumerate(scene.contact_model.only(scene.present).geoms))
 
 
 def _geom(out: Any, scene: Scene, body: Any, number: int, geom: Geom) -> str:
