@@ -9,6 +9,7 @@ import numpy as np
 
 from mocca_robot.assembly import Array, Assembly, BoolArray, read_only
 from mocca_robot.errors import InputError
+from sim.body_order import body_order
 from sim.contact_model import ContactModel, Geom, embed
 from sim.heard import listen
 from sim.inertia import inertia
@@ -119,8 +120,9 @@ def spec(scene: Scene) -> Any:
     out.modelname = scene.assembly.name
     _set_options(out, scene)
     out.memory = size.memory_bytes
-    bodies = {int(k): _body(out, scene, int(k)) for k in np.flatnonzero(scene.present)}
     present = scene.contact_model.only(scene.present)
+    ordered = (*np.flatnonzero(scene.present & scene.held), *body_order(present, scene.free))
+    bodies = {int(k): _body(out, scene, int(k)) for k in ordered}
     names = [_geom(out, scene, bodies[g.part], k, g) for k, g in enumerate(present.geoms)]
     for a, b in _pairs(scene, present):
         # Points only: between meshes a margin makes contacts that are not there.

@@ -43,7 +43,7 @@ class SparseLayout:
         """Return the order of `n_free` parts with pairs of neighbours (P,), (P,); other numbers stand for ground."""
         inner = (first < n_free) & (second < n_free)
         i, j = first[inner], second[inner]
-        place = _minimum_degree(i, j, n_free)
+        place = minimum_degree(i, j, n_free)
         low, high = np.minimum(place[i], place[j]), np.maximum(place[i], place[j])
         columns = _filled_in(low, high, n_free)
         starts = np.cumsum([0, *map(len, columns)])
@@ -84,7 +84,7 @@ class SparseFactor:
         return out
 
 
-def _minimum_degree(i: IntArray, j: IntArray, count: int) -> IntArray:
+def minimum_degree(i: IntArray, j: IntArray, count: int) -> IntArray:
     """Return (count,) the place of every part in the order that SuperLU takes for a symmetric matrix of its graph."""
     links = adjacency(i, j, count)
     laplacian = sp.csc_array(sp.diags_array(1.0 + links.sum(axis=0)) - links)
