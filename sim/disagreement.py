@@ -69,7 +69,7 @@ def cause(
             else:
                 found, tried = stiff, f"{stiff.verdict} with a step of {finest * 1e6:.3g} µs, too"
         else:
-            tried += "; finer ones would take hours"
+            tried += "; finer ones are left out with so many contact points"
     if found.verdict is Verdict.FELL and settings.friction > 0.0:
         told = f"{NOT_MADE}: {tried}; statics lets it fall as well with the forces that go with this fall"
         pressed: set[tuple[int, int]] | None = None

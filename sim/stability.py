@@ -39,7 +39,7 @@ class Limits:
         finest: further divisor, for a fall where statics says that forces exist which hold. On a leaning tower the
             brackets of the critical tilt with a thirtieth (11.03 … 11.25°) and a hundredth (11.01 … 11.08°) overlap; a
             run with the latter takes three times as long.
-        finest_points: contact points above which that run is left out: it would take hours.
+        finest_points: contact points above which that run is left out: it takes many minutes.
     """
 
     moved: float = 0.005
