@@ -121,8 +121,10 @@ def spec(scene: Scene) -> Any:
     _set_options(out, scene)
     out.memory = size.memory_bytes
     present = scene.contact_model.only(scene.present)
-    ordered = (*np.flatnonzero(scene.present & scene.held), *body_order(present, scene.free))
-    bodies = {int(k): _body(out, scene, int(k)) for k in ordered}
+    # The matrix of few parts is dense, whatever their order.
+    free = body_order(present, scene.free) if scene.settings.sparse else np.flatnonzero(scene.free)
+    held = np.flatnonzero(scene.present & scene.held)
+    bodies = {int(k): _body(out, scene, int(k)) for k in (*held, *free)}
     names = [_geom(out, scene, bodies[g.part], k, g) for k, g in enumerate(present.geoms)]
     for a, b in _pairs(scene, present):
         # Points only: between meshes a margin makes contacts that are not there.
