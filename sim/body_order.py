@@ -20,9 +20,10 @@ def body_order(model: ContactModel, free: BoolArray) -> IntArray:
     parts = np.flatnonzero(free)
     place = np.full(len(free), -1)
     place[parts] = np.arange(len(parts))
-    owner = place[[g.part for g in model.geoms]]
-    touching = {(min(i, j), max(i, j)) for i, j in owner[list(model.pairs or ())].tolist() if i >= 0 and j >= 0}
-    if not touching:
+    owners = place[[g.part for g in model.geoms]]
+    touching = np.sort(owners[np.array(model.pairs or (), dtype=np.int64).reshape(-1, 2)], axis=1)
+    touching = np.unique(touching[touching[:, 0] >= 0], axis=0)
+    if not len(touching):
         return parts
-    first, second = np.array(sorted(touching)).T
-    return parts[np.argsort(minimum_degree(first, second, len(parts)))[::-1]]
+    place_of = minimum_degree(touching[:, 0], touching[:, 1], len(parts))
+    return parts[np.argsort(place_of)[::-1]]
