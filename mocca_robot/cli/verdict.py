@@ -82,7 +82,7 @@ def physics_words(simulation: Mapping[str, Any]) -> str:
         stand = sum(s["stable"] is True for s in states)
         said.append(f"{stand} of {len(states)} states stand, {sum(s['agrees'] for s in states)} agree with statics")
     if tilts:
-        said.append(f"falls at a tilt of {_tilt_words(tilts)}")
+        said.append(f"falls at a tilt of {_critical_tilts(tilts)}")
     if insertion:
         trials, passed = (sum(e["inside"][k] for e in insertion) for k in ("trials", "succeeded"))
         wrong, through = (sum(e["outside"][k] for e in insertion) for k in ("trials", "succeeded"))
@@ -96,7 +96,7 @@ def physics_words(simulation: Mapping[str, Any]) -> str:
     return f"{simulation.get('engine', 'MuJoCo')}: " + ("; ".join(said) or "nothing was asked")
 
 
-def _tilt_words(tilts: Sequence[Mapping[str, Any]]) -> str:
+def _critical_tilts(tilts: Sequence[Mapping[str, Any]]) -> str:
     """Return the tilt towards the weakest side for every friction, and how far statics is off on any side."""
     said = []
     for friction in sorted({float(t["friction"]) for t in tilts}):
