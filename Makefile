@@ -63,8 +63,8 @@ types: setup
 
 # Tests of the robot driver watch a clock of 100 ms and so do not share the machine with others.
 unit: setup
-	@failed=0; $(BIN)/python -m pytest -n $(WORKERS) -m "not long and not browser" --ignore-glob='*/test_ur_*' || failed=1; \
-	$(BIN)/python -m pytest -m "not long and not browser" tests/test_ur_*.py || failed=1; exit $$failed
+	@failed=0; $(BIN)/python -m pytest -n $(WORKERS) -m "not long and not browser" --ignore=tests/ur || failed=1; \
+	$(BIN)/python -m pytest -m "not long and not browser" tests/ur || failed=1; exit $$failed
 
 browser: setup
 	@command -v chromium chromium-browser google-chrome >/dev/null || { \
@@ -78,7 +78,7 @@ docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 dist-test: setup
-	$(BIN)/python -m pytest -n 0 -m "long or not long" tests/test_dist.py
+	$(BIN)/python -m pytest -n 0 -m "long or not long" tests/project/test_dist.py
 
 gallery: setup
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'

@@ -18,17 +18,17 @@ import numpy as np
 from benchmarks.measurement import Measurement
 from benchmarks.random_assemblies import KINDS, LOCKED_KINDS, SOLID_KINDS, random_assembly, random_solid
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts import find_contacts, require_sound
+from mocca_robot.config.config import load
+from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.errors import InputError
-from mocca_robot.executors import completed, executor
-from mocca_robot.files.config import load
-from mocca_robot.loads import tilted_gravity
-from mocca_robot.statics import Status
-from mocca_robot.verify import case_at, critical_tilt, solve_case
+from mocca_robot.runtime.executors import completed, executor
+from mocca_robot.statics.cases import case_at, critical_tilt, solve_case
+from mocca_robot.statics.loads import tilted_gravity
+from mocca_robot.statics.solution import Status
 from planners.cone_joints.designer import design
-from sim.contact_model import contact_model, telling_rays
 from sim.disagreement import cause
 from sim.scene import with_gravity
+from sim.shapes.contact_model import contact_model, telling_rays
 from sim.stability import judged
 from sim.tilt import TILT_AGREEMENT_RAD, azimuths, detailed_scene, tilt_scene
 

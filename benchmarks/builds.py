@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from benchmarks.measurement import Measurement
 
 if TYPE_CHECKING:
-    from mocca_robot.ur.plan import Plan
+    from mocca_robot.plan.plan import Plan
 
 ROOT = Path(__file__).resolve().parents[1]
 FLAT = (
@@ -44,14 +44,14 @@ def builds(quick: bool, only: str | None) -> Iterator[Measurement]:
 
 
 def _build(name: str, folder: Path, *, execute: bool) -> Iterator[Measurement]:
-    from mocca_robot.files.config import load
+    from mocca_robot.config.config import load
     from mocca_robot.files.design_json import read_design, write_design
-    from mocca_robot.ur.plan import write_plan
-    from mocca_robot.ur.plan_reader import file_sha256, read_plan
+    from mocca_robot.plan.plan import write_plan
+    from mocca_robot.plan.reader import file_sha256, read_plan
     from planners.cone_joints.designer import design
     from planners.robot.build_plan import build_plan
     from planners.robot.cell import read_cell
-    from sim.rehearsal import rehearse
+    from sim.cell.rehearsal import rehearse
 
     config = load(ROOT / "configs" / f"{name}.yaml")
     file = write_design(design(config.assembly, config.joints, insertion=config.insertion).design, folder)
@@ -85,9 +85,9 @@ def _build(name: str, folder: Path, *, execute: bool) -> Iterator[Measurement]:
 
 
 def _execution(name: str, plan: Plan, folder: Path) -> Measurement:
+    from mocca_robot.plan.executor import execute
+    from mocca_robot.plan.journal import Journal
     from mocca_robot.ur.driver import UrArm
-    from mocca_robot.ur.executor import execute
-    from mocca_robot.ur.journal import Journal
 
     started = time.perf_counter()
     with (

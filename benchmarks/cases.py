@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray, IntArray
-from mocca_robot.motion_cone import cross
-from mocca_robot.statics.system import ContactSystem
+from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.geometry.cones import cross
+from mocca_robot.statics.solver.system import ContactSystem
 
 GRAVITY = 9.81
 GRIDS = {10: (2, 5), 20: (4, 5), 40: (5, 8), 50: (5, 10), 200: (10, 20)}

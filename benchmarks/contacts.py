@@ -14,11 +14,11 @@ import numpy as np
 from benchmarks.growth import dome
 from benchmarks.measurement import Measurement, Outcome, measure
 from mocca_robot.assembly import Assembly, Mesh, Part
-from mocca_robot.contacts import find_contacts
-from mocca_robot.facets import facets
-from mocca_robot.loads import load_cases
+from mocca_robot.contacts.find import find_contacts
+from mocca_robot.geometry.facets import facets
+from mocca_robot.statics.cases import solve_case
+from mocca_robot.statics.loads import load_cases
 from mocca_robot.tolerances import TOLERANCES
-from mocca_robot.verify import solve_case
 
 COMPAS_PYTHON = "MOCCA_COMPAS_PYTHON"
 """Environment variable: a Python interpreter that has compas_cra; `make compas` makes one."""

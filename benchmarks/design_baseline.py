@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.measurement import Measurement, Outcome, measure
 from mocca_robot.assembly import Assembly, Part, Polygon
-from mocca_robot.files.config import load
+from mocca_robot.config.config import load
 from mocca_robot.joints.options import JointOptions
 from planners.baselines.direct_search import Gradient, direct_search
 from planners.baselines.paper_programme import paper_design

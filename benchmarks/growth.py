@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.design_baseline import leaning_wall
 from benchmarks.measurement import Measurement, Outcome, measure
 from mocca_robot.assembly import Assembly, Lateral
-from mocca_robot.contacts import find_contacts
+from mocca_robot.contacts.find import find_contacts
 from mocca_robot.generators import generate
 from planners.cone_joints.designer import design
 

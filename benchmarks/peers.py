@@ -7,8 +7,8 @@ import importlib.util
 import numpy as np
 import scipy.sparse as sp
 
-from mocca_robot.assembly import Array
-from mocca_robot.statics.solvers import SOLVERS, Solver, SolverFailed
+from mocca_robot.arrays import Array
+from mocca_robot.statics.solver.solvers import SOLVERS, Solver, SolverFailed
 
 
 def solve_qpalm(b: sp.csr_array, w: Array, c: Array) -> tuple[Array, Array]:

@@ -10,15 +10,16 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.measurement import Measurement, Outcome, measure
-from mocca_robot.assembly import Array, Assembly
-from mocca_robot.contacts import find_contacts
-from mocca_robot.executors import executor
-from mocca_robot.files.config import load
-from mocca_robot.verify import critical_tilt
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
+from mocca_robot.config.config import load
+from mocca_robot.contacts.find import find_contacts
+from mocca_robot.runtime.executors import executor
+from mocca_robot.statics.cases import critical_tilt
 from planners.cone_joints.designer import design
-from sim.contact_model import contact_model, telling_rays
 from sim.questions import Questions
 from sim.scene import Compiled
+from sim.shapes.contact_model import contact_model, telling_rays
 from sim.simulate import simulate
 from sim.stability import contact_points
 from sim.tilt import detailed_scene, tilt_scene

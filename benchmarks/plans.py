@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import median
 
 from benchmarks.measurement import Measurement, Outcome, measure
-from mocca_robot.files.config import load
+from mocca_robot.config.config import load
 from planners.cone_joints.designer import design
 from planners.robot.build_plan import build_plan
 from planners.robot.cell import read_cell

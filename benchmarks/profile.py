@@ -10,19 +10,18 @@ from pathlib import Path
 from unittest.mock import patch
 
 from benchmarks.measurement import Measurement
-from mocca_robot.contacts import find_contacts
-from mocca_robot.files.config import load
-from mocca_robot.verify import verify
+from mocca_robot.config.config import load
+from mocca_robot.contacts.find import find_contacts
+from mocca_robot.verdicts.verification import verify
 from planners.cone_joints.designer import design
 
 ROOT = Path(__file__).parents[1]
 NAMES = ("deer", "lilium_tower", "igloo")
 ROOMS = {
     "mocca_robot/statics": "statics",
-    "mocca_robot/contact": "contacts",
-    "mocca_robot/facets": "contacts",
-    "mocca_robot/penetration": "contacts",
-    "mocca_robot/sweep": "sweeps",
+    "mocca_robot/contacts": "contacts",
+    "mocca_robot/geometry/facets": "contacts",
+    "mocca_robot/motion": "sweeps",
     "mocca_robot/joints": "joint geometry",
     "mocca_robot/report": "report",
     "planners/cone_joints/curvature": "descent",

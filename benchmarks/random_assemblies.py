@@ -12,9 +12,10 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array, Assembly, Equilibrium, Goal, Mesh, Part, Polygon, SupportFree
-from mocca_robot.extrusion import surface
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly, Equilibrium, Goal, Mesh, Part, Polygon, SupportFree
 from mocca_robot.generators.blocks import hexahedron
+from mocca_robot.geometry.extrusion import surface
 
 KINDS = ("stack", "wall", "arch", "voronoi")
 LOCKED_KINDS = ("notched", "ridged")

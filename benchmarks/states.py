@@ -11,11 +11,13 @@ import numpy as np
 from benchmarks.measurement import Measurement, Outcome, measure, side_by_side
 from benchmarks.statics import compile_now
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts import Contact, find_contacts
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.contacts.find import find_contacts
 from mocca_robot.generators import generate
 from mocca_robot.joints.joint import contact_rays
-from mocca_robot.loads import LoadCase, case_wrenches, state_cases
-from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium
+from mocca_robot.statics.equilibrium import equilibrium
+from mocca_robot.statics.loads import LoadCase, case_wrenches, state_cases
+from mocca_robot.statics.solution import EquilibriumResult
 
 FRICTION = 0.55
 RINGS = (16, 15, 13, 11, 9, 8)

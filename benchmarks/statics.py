@@ -10,11 +10,12 @@ import numpy as np
 from benchmarks.cases import KINDS, Case
 from benchmarks.measurement import Measurement, Outcome, side_by_side
 from benchmarks.peers import available
-from mocca_robot.assembly import Array
-from mocca_robot.statics.equilibrium import EquilibriumResult, equilibrium, solve_system, verdict
-from mocca_robot.statics.interior_point import solve_interior_point
-from mocca_robot.statics.solvers import Solver, certificate
-from mocca_robot.statics.system import ContactSystem
+from mocca_robot.arrays import Array
+from mocca_robot.statics.equilibrium import equilibrium
+from mocca_robot.statics.solution import EquilibriumResult, solve_system, verdict
+from mocca_robot.statics.solver.interior_point import solve_interior_point
+from mocca_robot.statics.solver.solvers import Solver, certificate
+from mocca_robot.statics.solver.system import ContactSystem
 
 CASES: tuple[tuple[str, int, int], ...] = (
     *(("stack", n, s) for n, s in ((10, 0), (10, 10), (100, 0), (100, 50), (1000, 0))),

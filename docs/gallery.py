@@ -19,18 +19,19 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 from mocca_robot.cli import main as mocca_robot
-from mocca_robot.contacts import find_contacts
+from mocca_robot.contacts.find import find_contacts
 from mocca_robot.files.design_json import StoredDesign, read_design
-from mocca_robot.loads import tilt_azimuths
 from mocca_robot.report import drawing3d, raster
 from mocca_robot.report.animation import Shot, film
 from mocca_robot.report.drawing2d import view_of
 from mocca_robot.report.figures import beside, stand_alone
 from mocca_robot.report.palette import FIXED, LIGHT, part_colours
 from mocca_robot.report.pictures import Picture, draw, shared_view
-from mocca_robot.verify import critical_tilt, verify
+from mocca_robot.statics.cases import critical_tilt
+from mocca_robot.statics.loads import tilt_azimuths
+from mocca_robot.verdicts.verification import verify
 
 ROOT = Path(__file__).resolve().parents[1]
 GALLERY = ROOT / "docs" / "gallery"
@@ -200,9 +201,9 @@ def flat_film(stored: StoredDesign, path: Path) -> None:
 
 def fall(source: Any) -> tuple[Array | None, Array | None]:
     """Return MuJoCo's motion of a flat assembly until something has moved by a fifth of its size; None if it stays."""
-    from sim.contact_model import contact_model
     from sim.motion import run as let_go
     from sim.scene import compile_scene
+    from sim.shapes.contact_model import contact_model
     from sim.stability import free_scene
 
     scene = free_scene(source, contact_model(source, find_contacts(source).contacts))

@@ -21,54 +21,17 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 NOTICE = "<!-- Written by docs/generate.py from the code; edit that instead. -->\n"
 
-PUBLIC: dict[str, tuple[str, ...]] = {
-    "mocca_robot": (),
-    "planners": (),
-    "sim": (),
-    "sim.studies": (),
-    "mocca_robot.executors": ("LocalProcesses", "WorkerLost", "completed", "executor", "mapped"),
-    "mocca_robot.contacts": ("Contact", "ContactReport", "NearMiss", "Overlap", "require_sound"),
-    "mocca_robot.motion_cone": ("MotionCone", "generalized_normals", "extreme_rays", "largest_cone"),
-    "mocca_robot.loads": ("LoadCase", "load_cases", "state_cases", "tilted_gravity"),
-    "mocca_robot.statics.equilibrium": ("EquilibriumResult", "Status", "equilibrium"),
-    "mocca_robot.verify": (
-        "CaseVerdict",
-        "Verification",
-        "critical_tilt",
-        "critical_tilts",
-        "solve_case",
-        "solve_cases_on",
-        "verify",
-    ),
-    "mocca_robot.insertion": ("InsertionVerdict", "insertion_verdicts"),
-    "mocca_robot.design": ("CaseResult", "Insertion"),
-    "mocca_robot.joints.options": ("JointOptions",),
-    "mocca_robot.joints.joint": ("Joint",),
-    "mocca_robot.files.assembly_json": ("read_assembly", "write_assembly"),
-    "mocca_robot.files.clearance": ("with_clearance",),
-    "mocca_robot.files.compas_read": ("assembly_from_compas",),
-    "mocca_robot.files.compas_write": ("write_compas",),
-    "mocca_robot.files.cut": ("write_cut_svg", "write_cut_dxf"),
-    "mocca_robot.files.meshes": ("read_parts", "write_parts", "write_glb"),
-    "mocca_robot.files.print_bed": ("Placed", "print_beds", "write_beds"),
-    "mocca_robot.files.schema": ("CutOptions", "SimulationOptions"),
-    "mocca_robot.files.walls": ("ThinPlace", "thin_places"),
-    "mocca_robot.generators": ("generate",),
-    "mocca_robot.report.bill": ("Item", "bill", "bill_csv"),
-    "planners.cone_joints.designer": ("NarrowPart",),
-    "planners.cone_joints.kinematic": ("Impossible",),
-    "sim.mjcf": ("export_mjcf", "export_urdf"),
-    "sim.simulation_json": ("read_simulation", "write_simulation"),
-    "mocca_robot.ur.plan": ("Plan", "Step", "Grasp", "Move", "MoveKind", "Waypoint", "Cell", "write_plan"),
-    "mocca_robot.ur.plan_reader": ("read_plan",),
-    "mocca_robot.ur.dry_run": ("dry_run",),
-}
-"""Module → the names that people may rely on; () stands for the package's own `__all__`."""
+PACKAGES = ("mocca_robot", "planners", "sim", "sim.studies")
+"""Where people import from; the `__all__` of each is what they may rely on."""
 
 
-def public_names(module: str) -> tuple[str, ...]:
-    """Return the public names of one module of `PUBLIC`, in their order."""
-    return PUBLIC[module] or tuple(import_module(module).__all__)
+def public_names() -> dict[str, dict[str, Any]]:
+    """Return every public name with its value, by the package to import it from, then by the module that defines it."""
+    found: dict[str, dict[str, Any]] = {}
+    for package in PACKAGES:
+        values = {name: getattr(import_module(package), name) for name in import_module(package).__all__}
+        found[package] = dict(sorted(values.items(), key=lambda entry: (entry[1].__module__, entry[0])))
+    return found
 
 
 def pages() -> dict[str, str]:
@@ -145,7 +108,7 @@ def _option(action: argparse.Action) -> str:
 
 def config_page() -> str:
     """Return the reference of configuration keys."""
-    from mocca_robot.files.schema import KEYS
+    from mocca_robot.config.schema import KEYS
 
     out = [
         NOTICE,
@@ -184,7 +147,7 @@ def cell_page() -> str:
 
 def schemas() -> dict[str, str]:
     """Return the JSON Schemas that come from tables of keys: path relative to docs/ → content."""
-    from mocca_robot.files.schema import KEYS
+    from mocca_robot.config.schema import KEYS
     from sim.studies.study import STUDY_KEYS
 
     tables = _module("key_tables")
@@ -205,18 +168,10 @@ def api_page() -> str:
         "Metres, radians, newtons, kilograms; y is up for flat assemblies, z for solid ones. Arrays are numpy arrays, "
         "read-only where they are stored. What is not listed here may change without notice.\n",
     ]
-    seen: set[int] = set()
-    for module in PUBLIC:
-        rows = []
-        for name in public_names(module):
-            value = getattr(import_module(module), name)
-            if id(value) in seen:
-                continue
-            seen.add(id(value))
-            rows.append(f"### {name}\n\n```text\n{_signature(name, value)}\n```\n\n{_docstring(value)}\n")
-        if rows:
-            out.append(f"## {module}\n\n{_first_line(import_module(module))}\n")
-            out += rows
+    for package, names in public_names().items():
+        out.append(f"## from {package} import …\n\n{_first_line(import_module(package))}\n")
+        for name, value in names.items():
+            out.append(f"### {name}\n\n```text\n{_signature(name, value)}\n```\n\n{_docstring(value)}\n")
     return "\n".join(out).rstrip() + "\n"
 
 

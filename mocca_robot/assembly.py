@@ -5,29 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.errors import InputError, nearest
-
-Array: TypeAlias = NDArray[np.float64]
-IntArray: TypeAlias = NDArray[np.int64]
-BoolArray: TypeAlias = NDArray[np.bool_]
 
 STANDARD_GRAVITY = 9.80665
 DEFAULT_DENSITY = 1200.0
 """kg/m³, about that of acrylic and PLA."""
 DEFAULT_THICKNESS = 0.02
 """Metres; the depth of a flat part when none is given."""
-
-
-def read_only(values: object, dtype: type = np.float64) -> NDArray:  # type: ignore[type-arg]
-    """Return `values` as a contiguous array that nobody can write to."""
-    array: NDArray[Any] = np.array(values, dtype=dtype, order="C")
-    array.setflags(write=False)
-    return array
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from mocca_robot.assembly import Array, Assembly
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
 from mocca_robot.joints.joint import Joint
 
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.joint import contact_rays
-from mocca_robot.loads import LoadCase
-from mocca_robot.statics import Status
-from mocca_robot.statics.equilibrium import solve_system
-from mocca_robot.statics.system import ContactSystem
-from mocca_robot.verify import solve_rays
+from mocca_robot.statics.cases import solve_rays
+from mocca_robot.statics.loads import LoadCase
+from mocca_robot.statics.solution import Status, solve_system
+from mocca_robot.statics.solver.system import ContactSystem
 from sim.motion import Motion, displacement_and_speed, let_go_gently, reach
 from sim.scene import Compiled, with_timestep
 from sim.settings import SLIDING_STEPS

@@ -10,7 +10,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, IntArray, Mesh, Polygon, read_only
+from mocca_robot.arrays import Array, IntArray, read_only
+from mocca_robot.assembly import Assembly, Mesh, Polygon
 from mocca_robot.errors import MoccaError
 from sim.heard import heard
 from sim.scene import Compiled

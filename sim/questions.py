@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mocca_robot.errors import InputError, nearest
-from sim.hand import HandOptions, PlacingError
+from sim.insertion.hand import HandOptions, PlacingError
 from sim.robust import RobustOptions
 
 STAGES = ("states", "tilt", "insertion", "robust")

@@ -11,14 +11,15 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 
-from mocca_robot.assembly import Array, Assembly
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import InputError
-from sim.contact_model import contact_model, pieces
-from sim.directions import Direction, insertion_cone
-from sim.hand import HandOptions, PlacingError
-from sim.insertion import insert
-from sim.insertion_scene import insertion_scene
+from sim.insertion.directions import Direction, insertion_cone
+from sim.insertion.hand import HandOptions, PlacingError
+from sim.insertion.trial import insert
+from sim.insertion.trial_scene import insertion_scene
+from sim.shapes.contact_model import contact_model, pieces
 from sim.stability import free_scene, stability
 from sim.trial_store import Row, Trial
 

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, BoolArray, read_only
+from mocca_robot.arrays import Array, BoolArray, read_only
+from mocca_robot.assembly import Assembly
 from mocca_robot.errors import InputError
-from sim.body_order import body_order
-from sim.contact_model import ContactModel, Geom, embed
 from sim.heard import listen
-from sim.inertia import inertia
 from sim.settings import Settings
+from sim.shapes.body_order import body_order
+from sim.shapes.contact_model import ContactModel, Geom, embed
+from sim.shapes.inertia import inertia
 
 MEMORY_LIMIT = 4 << 30
 """Bytes above which a model is refused before compiling."""
@@ -303,7 +304,7 @@ def _pair(out: Any, scene: Scene, first: str, second: str, margin: float) -> Non
 
 
 def _actuators(out: Any, scene: Scene) -> None:
-    """Servos on the driven part, critically damped; see `sim.insertion` for the path they follow."""
+    """Servos on the driven part, critically damped; see `sim.insertion.trial` for the path they follow."""
     assert scene.hand is not None
     hand, part = scene.hand, scene.assembly.parts[scene.hand.part]
     moment = float(np.trace(inertia(part))) / 3.0

@@ -12,20 +12,22 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly
-from mocca_robot.contacts import Contact, ContactReport, find_contacts, require_sound
-from mocca_robot.content_hash import assembly_hash
-from mocca_robot.loads import LoadCase, state_cases
-from mocca_robot.statics import Status
-from mocca_robot.verify import solve_case
-from sim.contact_model import ContactModel, PairRays, contact_model, telling_rays
-from sim.directions import Direction, InsertionCone, directions, insertion_cone
-from sim.hand import PlacingError
-from sim.insertion import InsertionTrial
-from sim.insertion_scene import resting_model
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact, ContactReport
+from mocca_robot.contacts.find import find_contacts, require_sound
+from mocca_robot.runtime.content_hash import assembly_hash
+from mocca_robot.statics.cases import solve_case
+from mocca_robot.statics.loads import LoadCase, state_cases
+from mocca_robot.statics.solution import Status
+from sim.insertion.directions import Direction, InsertionCone, directions, insertion_cone
+from sim.insertion.hand import PlacingError
+from sim.insertion.trial import InsertionTrial
+from sim.insertion.trial_scene import resting_model
 from sim.questions import TILT_FRICTIONS, Questions
 from sim.robust import robust_report, robust_trials
 from sim.scene import Compiled
+from sim.shapes.contact_model import ContactModel, PairRays, contact_model, telling_rays
 from sim.simulation import ConeSummary, Simulation
 from sim.stability import LIMITS
 from sim.states import StateResult

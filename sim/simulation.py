@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mocca_robot.tolerances import tilts_apart
-from sim.insertion import InsertionTrial
+from sim.insertion.trial import InsertionTrial
 from sim.robust import RobustReport
 from sim.states import StateResult
 from sim.tilt import TiltReport
@@ -16,7 +16,7 @@ from sim.tilt import TiltReport
 
 @dataclass(frozen=True)
 class ConeSummary:
-    """The cone that a part's insertion trials cover, radians; see `sim.directions.InsertionCone`."""
+    """The cone that a part's insertion trials cover, radians; see `sim.insertion.directions.InsertionCone`."""
 
     part: str
     axis: tuple[float, ...]

@@ -14,8 +14,8 @@ from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.output import write_json
 from mocca_robot.files.versions import SIMULATION
-from mocca_robot.statics import Status
-from sim.insertion import InsertionTrial
+from mocca_robot.statics.solution import Status
+from sim.insertion.trial import InsertionTrial
 from sim.simulation import ConeSummary, Simulation
 from sim.states import StateResult
 from sim.tilt import TiltReport

@@ -7,11 +7,12 @@ from enum import StrEnum
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, BoolArray
-from sim.contact_model import ContactModel
+from mocca_robot.arrays import Array, BoolArray
+from mocca_robot.assembly import Assembly
 from sim.motion import Motion, reach, run
 from sim.scene import Compiled, Scene, compile_scene, predict, with_timestep
 from sim.settings import SLIDING_STEPS, settings_for
+from sim.shapes.contact_model import ContactModel
 
 SHORTEST_FALL_S = 0.02
 """Of two falls, what is shorter counts as this long: runs are looked at no more often."""

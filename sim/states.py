@@ -7,14 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Assembly, BoolArray
-from mocca_robot.contacts import Contact
-from mocca_robot.loads import LoadCase
-from mocca_robot.statics import Status
-from mocca_robot.verify import solve_case
-from sim.contact_model import ContactModel
+from mocca_robot.arrays import BoolArray
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.statics.cases import solve_case
+from mocca_robot.statics.loads import LoadCase
+from mocca_robot.statics.solution import Status
 from sim.disagreement import cause
 from sim.scene import compile_scene
+from sim.shapes.contact_model import ContactModel
 from sim.stability import LIMITS, Limits, StabilityReport, Verdict, free_scene, judged
 
 
@@ -74,7 +75,7 @@ def state_result(
     friction: float = 0.0,
     limits: Limits = LIMITS,
 ) -> StateResult:
-    """Return both verdicts on one state of `mocca_robot.loads.state_cases`."""
+    """Return both verdicts on one state of `mocca_robot.statics.loads.state_cases`."""
     scene = free_scene(assembly, model, present=case.present, held=case.held, gravity=case.gravity, friction=friction)
     statics = solve_case(assembly, contacts, case, friction)
     compiled = compile_scene(scene)

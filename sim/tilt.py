@@ -7,15 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import InputError
-from mocca_robot.loads import tilt_azimuths, tilted_gravity
+from mocca_robot.statics.cases import case_at, critical_tilt
+from mocca_robot.statics.loads import tilt_azimuths, tilted_gravity
 from mocca_robot.tolerances import TILT_AGREEMENT_DEG
-from mocca_robot.verify import case_at, critical_tilt
-from sim.contact_model import ContactModel, PairRays, facet_pairs, holding_model
 from sim.disagreement import cause
 from sim.scene import Compiled, compile_scene, with_gravity
+from sim.shapes.contact_model import ContactModel, PairRays, facet_pairs, holding_model
 from sim.stability import (
     LIMITS,
     Limits,

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts import Contact
-from mocca_robot.loads import LoadCase
-from sim.contact_model import ContactModel, PairRays, holding_model
-from sim.directions import Direction, InsertionCone
-from sim.hand import PlacingError
-from sim.insertion import insert
-from sim.insertion_scene import insertion_scene
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.statics.loads import LoadCase
+from sim.insertion.directions import Direction, InsertionCone
+from sim.insertion.hand import PlacingError
+from sim.insertion.trial import insert
+from sim.insertion.trial_scene import insertion_scene
 from sim.questions import Questions
 from sim.scene import Compiled
+from sim.shapes.contact_model import ContactModel, PairRays, holding_model
 from sim.states import state_result
 from sim.tilt import detailed_tilt, physical_tilt
 from sim.trial_store import Row

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from mocca_robot.content_hash import content_hash
+from mocca_robot.runtime.content_hash import content_hash
 from sim.motion import abandoned
 
 GRACE_S = 5.0

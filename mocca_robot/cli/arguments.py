@@ -37,7 +37,7 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 def load(args: argparse.Namespace, further: dict[str, Any] | None = None) -> Any:
     """Return the Config of the input with its overrides; `further` keys win over all."""
-    from mocca_robot.files.config import load as load_config
+    from mocca_robot.config.config import load as load_config
 
     return load_config(args.input, {**overrides(args.set), **(further or {})})
 

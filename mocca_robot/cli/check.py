@@ -8,6 +8,7 @@ from typing import Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import positive_if
 from mocca_robot.cli.simulate import stored_design
 from mocca_robot.errors import InputError
 
@@ -33,8 +34,8 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 when every verdict is positive, 1 otherwise."""
-    from mocca_robot.cli import checkup, understood
-    from mocca_robot.contacts import find_contacts, require_sound
+    from mocca_robot.cli import input_findings, understood
+    from mocca_robot.contacts.find import find_contacts, require_sound
     from mocca_robot.files.output import writable_folder
 
     further: dict[str, Any] = {}
@@ -66,10 +67,10 @@ def run(args: argparse.Namespace) -> int:
     for line in suspicions:
         console.warn(f"suspicious: {line}")
     with console.stage("statics"):
-        found = checkup.checkup(config, report, args.key, azimuths)
-    for line in checkup.lines(found, built=stored_design(Path(args.input)) is not None):
+        found = input_findings.checkup(config, report, args.key, azimuths)
+    for line in input_findings.lines(found, built=stored_design(Path(args.input)) is not None):
         console.say(line)
     console.say(console.times())
     further = {"suspicious": suspicions, "picture": None if picture is None else str(picture)}
-    data = {**checkup.document(found), **understood.document(config), **further}
-    return console.finish(1 if found.findings else 0, data)
+    data = {**input_findings.document(found), **understood.document(config), **further}
+    return console.finish(positive_if(not found.findings), data)

@@ -7,6 +7,7 @@ from typing import Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.cli.info import own_version
 
 ENTRIES: dict[str, tuple[str, dict[str, str]]] = {
@@ -57,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     console = Console(args.json)
     found = {key: bibtex(key) for key in ENTRIES}
     console.say("\n\n".join(found.values()))
-    return console.finish(0, {"bibtex": found})
+    return console.finish(ExitCode.POSITIVE, {"bibtex": found})
 
 
 def bibtex(key: str) -> str:

@@ -8,14 +8,17 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import positive_if
 
 if TYPE_CHECKING:
-    from mocca_robot.assembly import Assembly, BoolArray
-    from mocca_robot.contacts import Contact
+    from mocca_robot.arrays import BoolArray
+    from mocca_robot.assembly import Assembly
+    from mocca_robot.contacts.contact import Contact
     from mocca_robot.design import Insertion
     from mocca_robot.joints.joint import Joint
     from mocca_robot.report.comparison import Variant
-    from mocca_robot.verify import CaseVerdict, Verification
+    from mocca_robot.statics.cases import CaseVerdict
+    from mocca_robot.verdicts.verification import Verification
 
 COMPARISON = "planners.baselines.comparison"
 """The module whose `joineries(assembly, options, contacts=, progress=)` returns the variants.
@@ -60,7 +63,7 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 when the cone joints hold what is asked, 1 otherwise; the other variants are there to fail."""
-    from mocca_robot.cli import evidence, stages
+    from mocca_robot.cli import reasons, stages
     from mocca_robot.report.comparison import write_comparison
 
     console = Console(args.json)
@@ -82,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
     for variant in variants:
         console.say(words(variant))
     designed = next(v for v in variants if v.name == comparison.CONE_JOINTS)
-    findings = evidence.statics_findings(designed.assembly, designed.verification)
+    findings = reasons.statics_findings(designed.assembly, designed.verification)
     for finding in findings:
         console.say(f"✗ {designed.name}: {finding.text}")
     console.say(console.times())
@@ -90,10 +93,10 @@ def run(args: argparse.Namespace) -> int:
     document = {
         "name": config.assembly.name,
         "variants": [_data(v) for v in variants],
-        "findings": evidence.findings_data(findings),
+        "findings": reasons.findings_data(findings),
         "files": {"comparison": str(path)},
     }
-    return console.finish(1 if findings else 0, document)
+    return console.finish(positive_if(not findings), document)
 
 
 def judged(joinery: Joinery) -> Variant:
@@ -107,11 +110,11 @@ def judged(joinery: Joinery) -> Variant:
     import numpy as np
 
     from mocca_robot.assembly import Interlocking
-    from mocca_robot.insertion import insertion_verdicts
-    from mocca_robot.mobility import leaving_parts
+    from mocca_robot.motion.insertion import insertion_verdicts
     from mocca_robot.report.comparison import Variant
-    from mocca_robot.verify import verify
-    from sim.contact_model import contact_model
+    from mocca_robot.statics.mobility import leaving_parts
+    from mocca_robot.verdicts.verification import verify
+    from sim.shapes.contact_model import contact_model
     from sim.stability import Verdict, free_scene, stability
 
     assembly = joinery.assembly
@@ -147,8 +150,8 @@ def judged(joinery: Joinery) -> Variant:
 def _key_held(assembly: Assembly, contacts: tuple[Contact, ...], held: BoolArray) -> CaseVerdict:
     import numpy as np
 
-    from mocca_robot.loads import LoadCase
-    from mocca_robot.verify import solve_case
+    from mocca_robot.statics.cases import solve_case
+    from mocca_robot.statics.loads import LoadCase
 
     present = np.ones(len(assembly.parts), dtype=np.bool_)
     return solve_case(assembly, contacts, LoadCase("gravity_key_held", assembly.gravity, present, held))
@@ -158,9 +161,9 @@ def _weakest_tilt(assembly: Assembly, contacts: tuple[Contact, ...]) -> tuple[fl
     """Return the smallest critical tilt over azimuths by statics, and MuJoCo's towards the same azimuth."""
     import numpy as np
 
-    from mocca_robot.loads import tilt_azimuths
-    from mocca_robot.verify import critical_tilts
-    from sim.contact_model import contact_model
+    from mocca_robot.statics.cases import critical_tilts
+    from mocca_robot.statics.loads import tilt_azimuths
+    from sim.shapes.contact_model import contact_model
     from sim.tilt import physical_tilt, tilt_scene
 
     azimuths = tilt_azimuths(assembly.dimension, 8)
@@ -171,7 +174,7 @@ def _weakest_tilt(assembly: Assembly, contacts: tuple[Contact, ...]) -> tuple[fl
 
 
 def _deadlock_remarks(assembly: Assembly, verification: Verification, leaving: tuple[str, ...]) -> tuple[str, ...]:
-    from mocca_robot.mobility import mobility
+    from mocca_robot.statics.mobility import mobility
 
     if leaving:
         return ()
@@ -190,7 +193,7 @@ def _deadlock_remarks(assembly: Assembly, verification: Verification, leaving: t
 
 def words(variant: Variant) -> str:
     """Return a variant's verdicts in one line."""
-    from mocca_robot.cli.evidence import degrees
+    from mocca_robot.cli.reasons import degrees
 
     physics = {None: "no verdict", True: "stands", False: "falls"}[variant.physics_stands]
     insertions = variant.verification.insertions
@@ -208,12 +211,12 @@ def words(variant: Variant) -> str:
 def _data(variant: Variant) -> dict[str, Any]:
     import numpy as np
 
-    from mocca_robot.cli import evidence
+    from mocca_robot.cli import reasons
 
     return {
         "name": variant.name,
-        "cases": evidence.cases_data(variant.verification.cases),
-        "insertions": evidence.insertions_data(variant.verification.insertions),
+        "cases": reasons.cases_data(variant.verification.cases),
+        "insertions": reasons.insertions_data(variant.verification.insertions),
         "physics_stands": variant.physics_stands,
         "tilt_deg": None if variant.tilt_rad is None else float(np.rad2deg(variant.tilt_rad)),
         "physics_tilt_deg": None if variant.physics_tilt_rad is None else float(np.rad2deg(variant.physics_tilt_rad)),

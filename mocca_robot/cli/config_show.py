@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import ExitCode
 
 if TYPE_CHECKING:
-    from mocca_robot.files.config import Config, EffectiveValue
+    from mocca_robot.config.config import Config, EffectiveValue
 
 DESCRIPTION = """Prints every key with the value that a run would use and where it comes from: a line of the file,
 --set, the model itself, or the default. What it prints is YAML again."""
@@ -38,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     values = [(v.key, _value(v, config), _source(v, config)) for v in config.values]
     for line in _lines(values):
         console.say(line)
-    return console.finish(0, {"values": [dict(zip(("key", "value", "source"), v)) for v in values]})
+    return console.finish(ExitCode.POSITIVE, {"values": [dict(zip(("key", "value", "source"), v)) for v in values]})
 
 
 def _source(value: EffectiveValue, config: Config) -> str:

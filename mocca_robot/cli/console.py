@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
+from mocca_robot.cli.exit_code import ExitCode
+
 
 class Console:
     """The two streams of one command, and the wall time of its stages.
@@ -48,11 +50,11 @@ class Console:
         each = ", ".join(f"{name} {_seconds(value)}" for name, value in self.seconds.items())
         return f"time: {_seconds(sum(self.seconds.values()))} ({each})"
 
-    def finish(self, status: int, document: Mapping[str, Any]) -> int:
+    def finish(self, status: ExitCode, document: Mapping[str, Any]) -> int:
         """Return `status` after printing the JSON object that was asked for, if it was."""
         if self.as_json:
             seconds = {name: round(value, 4) for name, value in self.seconds.items()}
-            whole = {"ok": status == 0, "exit_status": status, **document, "seconds": seconds}
+            whole = {"ok": status == 0, "exit_status": int(status), **document, "seconds": seconds}
             _write(sys.stdout, json.dumps(plain(whole), ensure_ascii=False, allow_nan=False))
         return status
 

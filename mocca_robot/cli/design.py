@@ -28,7 +28,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Return the exit status of the command. Ctrl-C keeps the joints as far as they were found."""
     from mocca_robot.cli import stages
-    from mocca_robot.cli.verdict import conclude, introduce
+    from mocca_robot.cli.closing_lines import conclude, introduce
 
     console = Console(args.json)
     with console.stage("read"):

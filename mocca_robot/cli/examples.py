@@ -8,6 +8,7 @@ from typing import Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import ExitCode
 
 DESCRIPTION = """Lists the configurations that come with mocca-robot, or copies those that are named, with the drawings
 and meshes they need, into a folder: something to run, change and learn from."""
@@ -27,7 +28,7 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 after listing or copying."""
-    from mocca_robot.files.examples import copy_examples, examples
+    from mocca_robot.config.examples import copy_examples, examples
 
     console = Console(args.json)
     known = examples()
@@ -37,9 +38,9 @@ def run(args: argparse.Namespace) -> int:
         for example in known:
             console.say(f"{example.name:{width}}  {example.about}")
         console.say("\nCopy with `mocca-robot examples NAME`, then `mocca-robot run examples/NAME.yaml`.")
-        return console.finish(0, {"examples": listed})
+        return console.finish(ExitCode.POSITIVE, {"examples": listed})
     names = [e.name for e in known] if args.all else args.names
     files = copy_examples(names, Path(args.output or "examples"))
     for file in files:
         console.say(str(file))
-    return console.finish(0, {"files": [str(f) for f in files]})
+    return console.finish(ExitCode.POSITIVE, {"files": [str(f) for f in files]})

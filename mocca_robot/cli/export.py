@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.errors import InputError
 from mocca_robot.files.documents import parse_json, read_text
 
 if TYPE_CHECKING:
     from mocca_robot.assembly import Assembly
-    from mocca_robot.files.config import Config
+    from mocca_robot.config.config import Config
 
 FORMATS = {
     "svg": "flat parts nested on a sheet, real scale, kerf and clearance applied",
@@ -80,7 +81,9 @@ def run(args: argparse.Namespace) -> int:
         console.warn(f"warning: {line}")
     for file in files:
         console.say(str(file))
-    return console.finish(0, {"format": args.format, "files": [str(f) for f in files], "warnings": thin})
+    return console.finish(
+        ExitCode.POSITIVE, {"format": args.format, "files": [str(f) for f in files], "warnings": thin}
+    )
 
 
 def _is_plan(args: argparse.Namespace) -> bool:
@@ -98,10 +101,10 @@ def _is_plan(args: argparse.Namespace) -> bool:
 
 
 def _plan(args: argparse.Namespace) -> list[Path]:
+    from mocca_robot.cli.execute import export_urscript
     from mocca_robot.files.output import write_atomic
-    from mocca_robot.ur.commands import export_urscript
-    from mocca_robot.ur.plan_reader import read_plan
-    from mocca_robot.ur.trajectory_csv import trajectory_csv
+    from mocca_robot.plan.reader import read_plan
+    from mocca_robot.plan.trajectory_csv import trajectory_csv
 
     ending = ".csv" if args.format == "csv" else ".script"
     target = Path(args.output) if args.output else Path(args.input).with_suffix(ending)
@@ -120,8 +123,8 @@ def _parts(args: argparse.Namespace) -> tuple[list[Path], list[str]]:
     if args.format == "figures":
         return _figures(args, config, _writable(Path(args.output or f"{stem}_figures"))), []
     if args.format in SHEETS:
-        from mocca_robot.files.clearance import with_clearance
-        from mocca_robot.files.cut import write_cut_dxf, write_cut_svg
+        from mocca_robot.fabrication.clearance import with_clearance
+        from mocca_robot.fabrication.cut import write_cut_dxf, write_cut_svg
 
         target = Path(args.output or f"{stem}.{args.format}")
         _writable(target.parent)
@@ -144,11 +147,11 @@ def _document(kind: str, assembly: Assembly, target: Path) -> Path:
 
         return write_assembly(assembly, target)
     if kind == "csv":
+        from mocca_robot.fabrication.bill import bill_csv
         from mocca_robot.files.output import write_atomic
-        from mocca_robot.report.bill import bill_csv
 
         return write_atomic(target, bill_csv(assembly))
-    from mocca_robot.contacts import find_contacts
+    from mocca_robot.contacts.find import find_contacts
     from mocca_robot.files.compas_write import write_compas
 
     if kind == "compas-model":
@@ -157,10 +160,10 @@ def _document(kind: str, assembly: Assembly, target: Path) -> Path:
 
 
 def _meshes(args: argparse.Namespace, assembly: Assembly, stem: str) -> tuple[list[Path], list[str]]:
-    from mocca_robot.extrusion import surface
-    from mocca_robot.files.clearance import with_clearance
+    from mocca_robot.fabrication.clearance import with_clearance
     from mocca_robot.files.meshes import write_glb, write_parts
     from mocca_robot.files.output import safe_file_names
+    from mocca_robot.geometry.extrusion import surface
 
     flat = assembly
     assembly = with_clearance(assembly, args.clearance * 1e-3 / args.scale) if args.clearance else assembly
@@ -182,7 +185,7 @@ def _meshes(args: argparse.Namespace, assembly: Assembly, stem: str) -> tuple[li
 
 def _figures(args: argparse.Namespace, config: Config, folder: Path) -> list[Path]:
     from mocca_robot.cli import simulate, stages
-    from mocca_robot.report import collect
+    from mocca_robot.report.data import collect
     from mocca_robot.report.figures import write_figures
 
     console, stored = Console(args.json), simulate.stored_design(Path(args.input))
@@ -199,7 +202,7 @@ def _figures(args: argparse.Namespace, config: Config, folder: Path) -> list[Pat
 
 
 def _thin(args: argparse.Namespace, assembly: Assembly) -> list[str]:
-    from mocca_robot.files.walls import warnings
+    from mocca_robot.fabrication.walls import warnings
 
     limit = LEAST_WALL_MM.get(args.format, 0.0) if args.min_wall is None else args.min_wall
     scale = args.scale if args.bed else 1.0
@@ -207,9 +210,9 @@ def _thin(args: argparse.Namespace, assembly: Assembly) -> list[str]:
 
 
 def _beds(args: argparse.Namespace, source: Assembly, assembly: Assembly, folder: Path) -> list[Path]:
-    from mocca_robot.contacts import find_contacts
-    from mocca_robot.extrusion import standing
-    from mocca_robot.files.print_bed import print_beds, write_beds
+    from mocca_robot.contacts.find import find_contacts
+    from mocca_robot.fabrication.print_bed import print_beds, write_beds
+    from mocca_robot.geometry.extrusion import standing
 
     sides = args.bed.lower().replace("×", "x").split("x")
     if len(sides) != 2 or not all(side.replace(".", "", 1).isdigit() and float(side) > 0 for side in sides):
@@ -227,12 +230,12 @@ def _beds(args: argparse.Namespace, source: Assembly, assembly: Assembly, folder
 
 
 def _models(kind: str, assembly: Assembly, folder: Path) -> list[Path]:
-    from sim.mjcf import export_mjcf, export_urdf
+    from sim.show.mjcf import export_mjcf, export_urdf
 
     if kind == "urdf":
         return list(export_urdf(assembly, folder))
-    from mocca_robot.contacts import find_contacts, require_sound
-    from sim.contact_model import contact_model
+    from mocca_robot.contacts.find import find_contacts, require_sound
+    from sim.shapes.contact_model import contact_model
     from sim.stability import free_scene
 
     report = find_contacts(assembly)

@@ -12,6 +12,7 @@ from typing import Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import ExitCode, positive_if
 
 PACKAGES = (
     *("numpy", "scipy", "networkx", "shapely", "trimesh", "manifold3d", "mapbox-earcut", "lxml", "mujoco"),
@@ -66,12 +67,12 @@ def run(args: argparse.Namespace) -> int:
     if not any(state == "works" for state in found["opengl"].values()):
         console.say("No OpenGL: pictures and films of MuJoCo need libegl1 or libosmesa6; all numbers come without.")
     if args.robot is None:
-        return console.finish(0, found)
+        return console.finish(ExitCode.POSITIVE, found)
     with console.stage("robot"):
         found["robot"] = robot(args.robot)
     for key, value in found["robot"].items():
         console.say(f"robot {key.replace('_', ' ')}: {value}")
-    return console.finish(0 if "problem" not in found["robot"] else 1, found)
+    return console.finish(positive_if("problem" not in found["robot"]), found)
 
 
 def robot(host: str) -> dict[str, Any]:
@@ -97,9 +98,9 @@ def solver(name: str) -> str | None:
         return None
     import numpy as np
 
-    from mocca_robot.statics.interior_point import solve_interior_point
-    from mocca_robot.statics.solvers import kkt_residual, solve
-    from mocca_robot.statics.system import ContactSystem
+    from mocca_robot.statics.solver.interior_point import solve_interior_point
+    from mocca_robot.statics.solver.solvers import kkt_residual, solve
+    from mocca_robot.statics.solver.system import ContactSystem
 
     points = np.array([[0.0, 0.0], [1.0, 0.0]])
     normals = np.array([[0.0, 1.0], [0.0, 1.0]])

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.cli.simulate import stored_design
 from mocca_robot.errors import InputError
 
 if TYPE_CHECKING:
-    from mocca_robot.contacts import Contact
+    from mocca_robot.config.config import Config
+    from mocca_robot.contacts.contact import Contact
     from mocca_robot.design import Insertion
-    from mocca_robot.files.config import Config
 
 DESCRIPTION = """Writes one step per part: what stands already, the part in front of its seat, the way it goes in with
 its cone, what has to be held; and the bill of parts, in the manual and as bill.csv beside it. HTML prints well; a file
@@ -36,12 +37,12 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 after writing the manual and the bill."""
-    from mocca_robot.contacts import find_contacts, require_sound
+    from mocca_robot.contacts.find import find_contacts, require_sound
+    from mocca_robot.fabrication.bill import bill_csv
     from mocca_robot.files.output import safe_file_names, target_file, write_atomic
-    from mocca_robot.loads import state_cases
-    from mocca_robot.report.bill import bill_csv
     from mocca_robot.report.manual import manual, write_manual
-    from mocca_robot.verify import solve_case
+    from mocca_robot.statics.cases import solve_case
+    from mocca_robot.statics.loads import state_cases
 
     console = Console(args.json)
     with console.stage("read"):
@@ -62,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         files = [write_manual(what, target), write_atomic(target.with_name("bill.csv"), bill_csv(assembly))]
     for file in files:
         console.say(str(file))
-    return console.finish(0, {"files": [str(f) for f in files], "steps": len(what.steps)})
+    return console.finish(ExitCode.POSITIVE, {"files": [str(f) for f in files], "steps": len(what.steps)})
 
 
 def _ways(config: Config, contacts: tuple[Contact, ...], stored: Path | None) -> tuple[Insertion, ...]:
@@ -70,7 +71,7 @@ def _ways(config: Config, contacts: tuple[Contact, ...], stored: Path | None) ->
     from mocca_robot.design import Insertion
     from mocca_robot.files.design_json import read_design
     from mocca_robot.joints.joint import planar
-    from mocca_robot.parts_graph import part_motions
+    from mocca_robot.motion.parts_graph import part_motions
 
     found = {i.part: i for i in read_design(stored).insertion} if stored else {}
     for index, motion in part_motions(config.assembly, [planar(c) for c in contacts]).items():

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.errors import InputError
 
 if TYPE_CHECKING:
     from mocca_robot.assembly import Assembly
-    from mocca_robot.files.config import Config
-    from mocca_robot.files.starter import Source
+    from mocca_robot.config.config import Config
+    from mocca_robot.config.starter import Source
 
 DESCRIPTION = """Writes NAME.yaml, with comments and every key. --from names your model: an SVG or DXF drawing, a mesh
 file or a folder of meshes, an assembly or a design as JSON (COMPAS too), the surface of a shell (OBJ that is not
@@ -46,7 +47,7 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 after writing the configuration."""
-    from mocca_robot.files import starter
+    from mocca_robot.config import starter
     from mocca_robot.files.fields import UNITS_M, choice
     from mocca_robot.files.output import writable_folder, write_atomic
 
@@ -80,14 +81,14 @@ def run(args: argparse.Namespace) -> int:
         console.say(str(file))
     console.say(f"next: mocca-robot check '{target}', then mocca-robot run '{target}'")
     found = {"files": [str(f) for f in files], "kind": source.kind, "parts": len(assembly.parts)}
-    return console.finish(0, {**found, "notes": [*config.notes, *notes]})
+    return console.finish(ExitCode.POSITIVE, {**found, "notes": [*config.notes, *notes]})
 
 
 def _configuration(
     name: str, source: Source, folder: Path, units: str | None, console: Console
 ) -> tuple[str, Config, list[str]]:
     """Return the YAML, what it comes to when loaded from `folder`, and notes on what had to be guessed."""
-    from mocca_robot.files import starter
+    from mocca_robot.config import starter
 
     inside = Path(os.path.relpath(source.path.resolve(), folder.resolve())).as_posix()
     if source.kind == starter.PARTS:
@@ -111,7 +112,7 @@ def _configuration(
 
 
 def _generator(source: Source, inside: str, share: float, units: str) -> dict[str, Any]:
-    from mocca_robot.files import starter
+    from mocca_robot.config import starter
     from mocca_robot.files.fields import UNITS_M
 
     size = float(f"{source.measure * UNITS_M[units] * share:.2g}")
@@ -123,8 +124,8 @@ def _generator(source: Source, inside: str, share: float, units: str) -> dict[st
 def _of_parts(
     name: str, source: Source, inside: str, folder: Path, units: str | None, console: Console
 ) -> tuple[str, Config, list[str]]:
-    from mocca_robot.files import starter
-    from mocca_robot.files.model import read_model
+    from mocca_robot.config import starter
+    from mocca_robot.config.model import read_model
 
     model = read_model(source.path, units, None)
     parts = model.assembly.parts
@@ -151,8 +152,8 @@ def _of_parts(
 
 def _searched(assembly: Assembly) -> list[str] | None:
     """Return free parts in an order in which all of them go in, the present one if it does, or None."""
-    from mocca_robot.contacts import find_contacts
-    from mocca_robot.insertion import insertion_verdicts
+    from mocca_robot.contacts.find import find_contacts
+    from mocca_robot.motion.insertion import insertion_verdicts
     from planners.order.sequence import find_sequence
 
     if all(i.assemblable for i in insertion_verdicts(assembly, find_contacts(assembly).contacts, {})):
@@ -165,8 +166,8 @@ def _sound(data: dict[str, Any], folder: Path) -> tuple[Config, list[str]]:
     """Return what a configuration in `folder` comes to, and what its contacts leave to be desired."""
     import json
 
-    from mocca_robot.contacts import find_contacts, require_sound
-    from mocca_robot.files.config import load
+    from mocca_robot.config.config import load
+    from mocca_robot.contacts.find import find_contacts, require_sound
 
     with tempfile.NamedTemporaryFile("w", suffix=".yaml", prefix=".new-", dir=folder, encoding="utf-8") as file:
         json.dump(data, file, ensure_ascii=False)

@@ -30,10 +30,10 @@ from mocca_robot.cli import (
     view,
 )
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.cli.spelling import Parser
 from mocca_robot.errors import MoccaError
 
-UNUSABLE, INTERNAL, INTERRUPTED = 2, 70, 130
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Commands share their work out themselves; threads inside its small matrices would only wait for each other."""
 UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
@@ -59,18 +59,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return int(args.run(args))
     except MoccaError as error:
-        return _failed(as_json, UNUSABLE, str(error))
+        return _failed(as_json, ExitCode.UNUSABLE, str(error))
     except KeyboardInterrupt:
-        return _failed(as_json, INTERRUPTED, "Interrupted. Files that were finished are kept.")
+        return _failed(as_json, ExitCode.INTERRUPTED, "Interrupted. Files that were finished are kept.")
     except BrokenPipeError:  # `mocca-robot check X | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        return ExitCode.POSITIVE
     except OSError as error:
         if error.errno not in UNWRITABLE:
             return _internal(as_json, error)
         where = f"'{error.filename}'" if error.filename else "A file"
         return _failed(
-            as_json, UNUSABLE, f"{where} cannot be written: {error.strerror}. Free space or name another folder."
+            as_json,
+            ExitCode.UNUSABLE,
+            f"{where} cannot be written: {error.strerror}. Free space or name another folder.",
         )
     except Exception as error:
         return _internal(as_json, error)
@@ -82,7 +84,7 @@ def _internal(as_json: bool, error: Exception) -> int:
         f"This is an error in mocca-robot, not in your input ({type(error).__name__}: {error}). Please report it "
         "with the lines above, the command and its input, and the output of `mocca-robot info`."
     )
-    return _failed(as_json, INTERNAL, message)
+    return _failed(as_json, ExitCode.INTERNAL, message)
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -117,12 +119,12 @@ def build_parser() -> argparse.ArgumentParser:
     if importlib.util.find_spec(compare.COMPARISON) is not None:
         compare.add(commands)
     if importlib.util.find_spec("mocca_robot.ur") is not None:
-        from mocca_robot.ur.commands import register
+        from mocca_robot.cli.execute import register
 
         register(commands)
     return parser
 
 
-def _failed(as_json: bool, status: int, message: str) -> int:
+def _failed(as_json: bool, status: ExitCode, message: str) -> int:
     sys.stderr.write(f"mocca-robot: {message}\n")
     return Console(as_json).finish(status, {"error": message})

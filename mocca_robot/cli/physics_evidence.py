@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.assembly import Assembly, SupportFree
-from mocca_robot.cli.evidence import Finding, quoted
+from mocca_robot.cli.reasons import Finding, quoted
 from mocca_robot.report.findings import because, is_below_bound
 from mocca_robot.tolerances import tilts_apart
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import positive_if
 from mocca_robot.cli.simulate import stored_design
 from mocca_robot.errors import InputError
 
@@ -59,8 +60,8 @@ def run(args: argparse.Namespace) -> int:
 
     from mocca_robot.files.design_json import read_design
     from mocca_robot.files.output import target_file
-    from mocca_robot.ur.plan import write_plan
-    from mocca_robot.ur.plan_reader import file_sha256
+    from mocca_robot.plan.plan import write_plan
+    from mocca_robot.plan.reader import file_sha256
     from planners.robot.build_plan import build_plan
     from planners.robot.cell import read_cell
     from planners.robot.recheck import recheck
@@ -108,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
         console.say(line)
     console.say(console.times())
     whole = written and all(r.placed for r in built.reports)
-    return console.finish(0 if whole else 1, {**document(built), "findings": wrong, "files": written})
+    return console.finish(positive_if(whole), {**document(built), "findings": wrong, "files": written})
 
 
 def lines(built: BuildPlan) -> list[str]:

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import ExitCode, positive_if
 from mocca_robot.errors import InputError
 
 if TYPE_CHECKING:
     from typing import Any
 
-    from sim.rehearsal_result import PartRehearsal, Rehearsal
+    from sim.cell.rehearsal_result import PartRehearsal, Rehearsal
 
 DESCRIPTION = """Build a plan in MuJoCo: the arm follows the plan, the gripper holds parts by friction, parts slide in,
 and after every release the structure is left alone until it rests. The executor is the one that drives a real arm.
@@ -53,15 +54,14 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 when everything was placed and stands, 1 when not, 130 after Ctrl-C with what was seen until then."""
-    from mocca_robot.cli.parser import INTERRUPTED
     from mocca_robot.files.design_json import read_design
     from mocca_robot.files.output import writable_folder
+    from mocca_robot.plan.reader import read_plan
     from mocca_robot.report.rehearsal import write_rehearsal_page
-    from mocca_robot.ur.plan_reader import read_plan
-    from sim.cell_film import film, write_cell_film
-    from sim.film import require_encoder
-    from sim.rehearsal import rehearse
-    from sim.rehearsal_json import rehearsal_to_data, write_rehearsal
+    from sim.cell.cell_film import film, write_cell_film
+    from sim.cell.rehearsal import rehearse
+    from sim.cell.rehearsal_json import rehearsal_to_data, write_rehearsal
+    from sim.show.film import require_encoder
 
     console = Console(args.json)
     options = _options(args)
@@ -95,13 +95,13 @@ def run(args: argparse.Namespace) -> int:
     for path in files.values():
         console.say(f"wrote {path}")
     console.say(console.times())
-    status = INTERRUPTED if result.interrupted else 0 if result.succeeded else 1
+    status = ExitCode.INTERRUPTED if result.interrupted else positive_if(result.succeeded)
     document = {**rehearsal_to_data(result), "files": {k: str(v) for k, v in files.items()}}
     return console.finish(status, {("wall_s" if k == "seconds" else k): v for k, v in document.items()})
 
 
 def _options(args: argparse.Namespace) -> Any:
-    from sim.rehearsal_result import Options
+    from sim.cell.rehearsal_result import Options
 
     shift, _, turn = args.pose_noise.partition(",")
     try:

@@ -23,7 +23,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Return the exit status of the command. Ctrl-C keeps what the design has found and what physics has said."""
     from mocca_robot.cli import stages
-    from mocca_robot.cli.verdict import conclude, introduce
+    from mocca_robot.cli.closing_lines import conclude, introduce
 
     console = Console(args.json)
     with console.stage("read"):

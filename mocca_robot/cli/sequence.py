@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import positive_if
 
 if TYPE_CHECKING:
     from planners.order.sequence import SequenceResult
@@ -34,7 +35,7 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 when an order was found, 1 with the reason otherwise."""
-    from mocca_robot.contacts import find_contacts, require_sound
+    from mocca_robot.contacts.find import find_contacts, require_sound
     from mocca_robot.files.assembly_json import write_assembly
     from mocca_robot.files.output import target_file
     from planners.order.sequence import find_sequence, reordered
@@ -56,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
         path = write_assembly(reordered(config.assembly, [p.part for p in found.placements]), target)
         console.say(f"written: {path}")
     console.say(console.times())
-    return console.finish(0 if found.placements else 1, document(found))
+    return console.finish(positive_if(found.placements), document(found))
 
 
 def lines(found: SequenceResult) -> list[str]:

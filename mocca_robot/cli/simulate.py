@@ -75,7 +75,7 @@ def questions(args: argparse.Namespace, config: Any) -> Questions:
 def run(args: argparse.Namespace) -> int:
     """Return the exit status of the command. Ctrl-C keeps what is finished; the same command goes on from there."""
     from mocca_robot.cli import stages
-    from mocca_robot.cli.verdict import conclude, introduce
+    from mocca_robot.cli.closing_lines import conclude, introduce
 
     console = Console(args.json)
     with console.stage("read"):
@@ -107,10 +107,10 @@ def _film(assembly: Assembly, friction: float, path: Path) -> Path:
     """Return `path` after filming a platform that tilts 5° beyond the critical tilt by statics towards +x."""
     from math import pi, radians
 
-    from mocca_robot.contacts import find_contacts
-    from mocca_robot.verify import critical_tilt
-    from sim.contact_model import contact_model
-    from sim.film import platform_motion, write_film
+    from mocca_robot.contacts.find import find_contacts
+    from mocca_robot.statics.cases import critical_tilt
+    from sim.shapes.contact_model import contact_model
+    from sim.show.film import platform_motion, write_film
     from sim.tilt import tilt_scene
 
     contacts = find_contacts(assembly).contacts

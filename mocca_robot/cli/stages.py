@@ -13,21 +13,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mocca_robot.assembly import Assembly
-from mocca_robot.cli import evidence, physics_evidence
+from mocca_robot.cli import physics_evidence, reasons
 from mocca_robot.cli.console import Console
-from mocca_robot.cli.evidence import Finding
-from mocca_robot.contacts import ContactReport, find_contacts, require_sound
+from mocca_robot.cli.exit_code import ExitCode
+from mocca_robot.cli.reasons import Finding
+from mocca_robot.config.config import Config
+from mocca_robot.contacts.contact import ContactReport
+from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.design import Design, Insertion
 from mocca_robot.errors import InputError
-from mocca_robot.files.config import Config
 from mocca_robot.files.design_json import StoredDesign, read_design, write_design
 from mocca_robot.files.stored_joints import joints_of
 from mocca_robot.joints.joint import planar
-from mocca_robot.loads import state_cases
-from mocca_robot.mobility import mobility
-from mocca_robot.parts_graph import parts_graph
+from mocca_robot.motion.parts_graph import parts_graph
 from mocca_robot.report.summary import case_words
-from mocca_robot.verify import CaseVerdict, Verification, solve_case, verify
+from mocca_robot.statics.cases import CaseVerdict, solve_case
+from mocca_robot.statics.loads import state_cases
+from mocca_robot.statics.mobility import mobility
+from mocca_robot.verdicts.verification import Verification, verify
 
 if TYPE_CHECKING:
     from planners.cone_joints.designer import Designed
@@ -35,7 +38,6 @@ if TYPE_CHECKING:
     from planners.cone_joints.search import SearchState
     from sim.questions import Questions
 
-INTERRUPTED = 130
 HOLDS = 1e-12
 """E/|w|² up to which the designer counts a load case as held."""
 
@@ -133,7 +135,7 @@ def climbed(config: Config, contacts: ContactReport, console: Console) -> Larges
 
 def climb_words(climb: LargestTilt) -> str:
     """Return the largest angle, and what stands beyond it: a proof, or only the end of a search."""
-    degrees = evidence.degrees
+    degrees = reasons.degrees
     if climb.angle_rad is None:
         found = f"largest tilt: no design was found, not even at {degrees(climb.rungs[0].angle_rad)}"
     else:
@@ -200,7 +202,7 @@ def interrupted(result: Designed, files: Mapping[str, Path], folder: Path, conso
         "cases": [asdict(case) for case in result.design.load_cases],
         "files": {kind: str(path) for kind, path in kept.items()},
     }
-    return console.finish(INTERRUPTED, document)
+    return console.finish(ExitCode.INTERRUPTED, document)
 
 
 def concluded(folder: Path) -> None:
@@ -214,7 +216,7 @@ def written(result: Designed, config: Config, folder: Path, console: Console) ->
     with console.stage("write"):
         files = {"design": write_design(result.design, folder)}
         if config.assembly.dimension == 2:
-            from mocca_robot.files.cut import write_cut_dxf, write_cut_svg
+            from mocca_robot.fabrication.cut import write_cut_dxf, write_cut_svg
 
             try:
                 files["cut_svg"] = write_cut_svg(result.design.assembly, folder / "cut.svg", config.cut)
@@ -232,7 +234,7 @@ def verified(
         stored = read_design(folder)
         design = replace(result.design, assembly=stored.assembly, insertion=stored.insertion)
         outcome = _judged(design)
-    findings = [*evidence.design_findings(result.design.source, result), *outcome.findings]
+    findings = [*reasons.design_findings(result.design.source, result), *outcome.findings]
     if not result.achieved and not findings:
         # The files are the judge; that the designer wanted more is worth knowing all the same.
         note = (
@@ -272,12 +274,12 @@ def _judged(design: Design) -> Outcome:
     after = verify(design.assembly, directions=directions)
     before = after if design.source is design.assembly else verify(design.source)
     states = tuple(solve_case(design.assembly, after.contacts, case) for case in state_cases(design.assembly))
-    findings = evidence.statics_findings(design.assembly, after)
+    findings = reasons.statics_findings(design.assembly, after)
     if design.source is not design.assembly:
-        findings += evidence.overlap_findings(design.assembly, after)
+        findings += reasons.overlap_findings(design.assembly, after)
     # Whatever can be inserted last can also leave: only then is the question open.
     if after.insertions and not after.insertions[-1].assemblable and mobility(design.assembly, after.contacts).locked:
-        findings.append(evidence.deadlock_finding(design.assembly))
+        findings.append(reasons.deadlock_finding(design.assembly))
     return Outcome(design, before, after, states, tuple(findings))
 
 
@@ -286,7 +288,7 @@ def simulated(outcome: Outcome, questions: Questions, folder: Path, console: Con
 
     Finished trials are kept in trials.jsonl, so that the same command goes on where it was interrupted.
     """
-    from mocca_robot.executors import executor
+    from mocca_robot.runtime.executors import executor
     from sim.simulate import simulate
     from sim.simulation_json import simulation_to_data, write_simulation
     from sim.trial_store import TrialStore
@@ -310,7 +312,8 @@ def simulated(outcome: Outcome, questions: Questions, folder: Path, console: Con
 
 def reported(outcome: Outcome, config: Config, folder: Path, console: Console, friction: float = 0.0) -> Outcome:
     """Return the outcome with its report written."""
-    from mocca_robot.report import collect, write_report
+    from mocca_robot.report.data import collect
+    from mocca_robot.report.page import write_report
 
     with console.stage("report"):
         data = collect(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import ExitCode, positive_if
 from mocca_robot.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,8 +47,8 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 when every point has a verdict, 1 when some have none. Ctrl-C keeps the points that are finished."""
-    from mocca_robot.executors import executor
     from mocca_robot.report.study_page import write_study_page
+    from mocca_robot.runtime.executors import executor
     from sim.studies.run import run_study
     from sim.studies.study import read_study
     from sim.studies.table import study_data, write_study
@@ -103,7 +104,7 @@ def _conclude(found: StudyResult, files: dict[str, Path], console: Console) -> i
     console.say(console.times())
     for path in files.values():
         console.say(f"{path}")
-    status = 130 if found.interrupted else 1 if found.unfinished else 0
+    status = ExitCode.INTERRUPTED if found.interrupted else positive_if(not found.unfinished)
     document = {
         "name": found.study.name,
         "points": len(found.study.points),

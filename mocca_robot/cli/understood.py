@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts import Contact, ContactReport
+from mocca_robot.config.config import Config
+from mocca_robot.contacts.contact import Contact, ContactReport
 from mocca_robot.errors import InputError
-from mocca_robot.files.config import Config
-from mocca_robot.report.bill import size
+from mocca_robot.fabrication.bill import size
 
 FEW = 40
 """Up to so many parts each gets a line of its own."""

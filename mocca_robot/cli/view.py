@@ -9,6 +9,7 @@ from typing import Any
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
+from mocca_robot.cli.exit_code import ExitCode
 
 DESCRIPTION = """Shows parts in the browser: the sequence, an exploded view, insertion cones, contact forces, and what
 happens when the finished assembly is let go. Needs viser: pip install mocca-robot[viewer]. Ctrl-C ends it. With
@@ -30,9 +31,9 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 after writing the page, or when Ctrl-C ends the viewer."""
-    from mocca_robot.contacts import find_contacts, require_sound
+    from mocca_robot.contacts.find import find_contacts, require_sound
     from mocca_robot.files.output import writable_folder
-    from sim.view import export_page, open_viewer, shown
+    from sim.show.view import export_page, open_viewer, shown
 
     console = Console(args.json)
     if args.export:
@@ -42,16 +43,16 @@ def run(args: argparse.Namespace) -> int:
         report = find_contacts(config.assembly)
         require_sound(config.assembly, report)
     if args.mujoco:
-        from sim.native_view import open_native_viewer
+        from sim.show.native_view import open_native_viewer
 
         open_native_viewer(config.assembly, report.contacts, config.simulate.friction)
-        return console.finish(0, {})
+        return console.finish(ExitCode.POSITIVE, {})
     with console.stage("view"):
         what = shown(config.assembly, report.contacts, dict(config.insertion))
         if args.export:
             path = export_page(what, Path(args.export))
             console.say(str(path))
-            return console.finish(0, {"file": str(path)})
+            return console.finish(ExitCode.POSITIVE, {"file": str(path)})
         server = open_viewer(what, args.port)
     console.say(f"http://127.0.0.1:{server.get_port()} (Ctrl-C ends)")
     try:
@@ -59,4 +60,4 @@ def run(args: argparse.Namespace) -> int:
             time.sleep(1.0)
     except KeyboardInterrupt:
         server.stop()
-    return console.finish(0, {})
+    return console.finish(ExitCode.POSITIVE, {})

@@ -9,16 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import (
-    DEFAULT_DENSITY,
-    DEFAULT_THICKNESS,
-    Array,
-    Assembly,
-    Mesh,
-    Part,
-    Polygon,
-    Shape,
-)
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import DEFAULT_DENSITY, DEFAULT_THICKNESS, Assembly, Mesh, Part, Polygon, Shape
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.documents import parse_json, read_text

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, Part
-from mocca_robot.contact import Contact
-from mocca_robot.extrusion import standing, surface
-from mocca_robot.facets import facets
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly, Part
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.files.output import write_json
+from mocca_robot.geometry.extrusion import standing, surface
+from mocca_robot.geometry.facets import facets
 
 
 def write_compas(assembly: Assembly, path: Path, contacts: Sequence[Contact] = (), kind: str = "assembly") -> Path:

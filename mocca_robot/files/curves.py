@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import KDTree
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 
 CHORD_TOLERANCE = 2e-4
 """Largest distance between a curve and its chords, as a share of the drawing's size: 0.2 mm on a metre."""

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, Equilibrium, Interlocking
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly, Equilibrium, Interlocking
 from mocca_robot.design import CaseResult, Design, Insertion
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields

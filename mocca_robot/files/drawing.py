@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array, Polygon, signed_area
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Polygon, signed_area
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.curves import conformed, copies_of, flattened

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array, read_only
+from mocca_robot.arrays import Array, read_only
 from mocca_robot.errors import InputError, nearest
 
 UNITS_M: Mapping[str, float] = {

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, IntArray, Mesh
+from mocca_robot.arrays import Array, IntArray
+from mocca_robot.assembly import Assembly, Mesh
 from mocca_robot.errors import InputError, nearest
-from mocca_robot.facets import distinct_rows
+from mocca_robot.geometry.facets import distinct_rows
 
 METRES_PER = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 FORMATS = ("obj", "stl", "ply", "3mf", "glb")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mocca_robot.assembly import Array, IntArray
+from mocca_robot.arrays import Array, IntArray
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 

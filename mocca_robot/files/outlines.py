@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
 from mocca_robot.files.drawing import CLOSED, Shape, Subpath, add_chain
 

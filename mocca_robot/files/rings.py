@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 from shapely.validation import explain_validity
 
-from mocca_robot.assembly import Array, Polygon
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Polygon
 from mocca_robot.errors import InputError
 
 MAX_CORNERS = 200_000

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import KDTree
 
-from mocca_robot.assembly import Array, Assembly, Polygon
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly, Polygon
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import InputError, nearest
 from mocca_robot.files.design_json import StoredDesign, StoredJoint
 from mocca_robot.joints.bicubic import bicubic_joint, rectangle_from

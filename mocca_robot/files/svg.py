@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import DEFAULT_THICKNESS, Array
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import DEFAULT_THICKNESS
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.curves import elevated, elliptic_arc

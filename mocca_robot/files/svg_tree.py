@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
 from mocca_robot.files.fields import UNITS_M, shown
 

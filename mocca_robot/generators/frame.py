@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import DEFAULT_DENSITY, Array, Assembly, Mesh, Part
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Mesh, Part
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.generators.parameters import REQUIRED, Parameters

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import DEFAULT_DENSITY, Array, Assembly, Part
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Part
 from mocca_robot.errors import InputError
 from mocca_robot.generators.bond import running_bond_quads
 from mocca_robot.generators.parameters import REQUIRED, Parameters

@@ -13,7 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
-from mocca_robot.assembly import Array, IntArray, Mesh
+from mocca_robot.arrays import Array, IntArray
+from mocca_robot.assembly import Mesh
 from mocca_robot.errors import InputError
 
 FLATTEST = 1e-9

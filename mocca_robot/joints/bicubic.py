@@ -15,8 +15,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mocca_robot.assembly import Array, read_only
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array, read_only
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.contacts.surface import triangulated
 from mocca_robot.joints.bumps import (
     FLANK_SEGMENTS,
     MAX_LEAN,
@@ -31,7 +32,6 @@ from mocca_robot.joints.bumps import (
 from mocca_robot.joints.joint import Joint
 from mocca_robot.joints.patch import joint_with_patch
 from mocca_robot.joints.rectangle import Rectangle, largest_rectangle
-from mocca_robot.joints.triangulation import triangulated
 
 
 def bicubic_joint(

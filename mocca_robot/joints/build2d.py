@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import KDTree
 
-from mocca_robot.assembly import Array, Assembly, Polygon
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.joints.joint import Joint
 from mocca_robot.tolerances import TOLERANCES, Tolerances
 

@@ -16,10 +16,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray, Mesh
+from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.assembly import Assembly, Mesh
 from mocca_robot.errors import InputError
-from mocca_robot.joints.joint import Joint
-from mocca_robot.joints.triangulation import (
+from mocca_robot.geometry.triangulation import (
     boundary_chain,
     cancelled,
     chain_loops,
@@ -27,6 +27,7 @@ from mocca_robot.joints.triangulation import (
     split_facets,
     triangulate_loops,
 )
+from mocca_robot.joints.joint import Joint
 from mocca_robot.tolerances import TOLERANCES, Tolerances
 
 

@@ -12,7 +12,7 @@ from functools import cache, cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from mocca_robot.assembly import Array, IntArray, read_only
+from mocca_robot.arrays import Array, IntArray, read_only
 from mocca_robot.joints.rectangle import Rectangle
 
 FLANK_SEGMENTS = 3

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray, Mesh
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.assembly import Assembly, Mesh
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.bicubic import Rectangles
 from mocca_robot.tolerances import TOLERANCES
 

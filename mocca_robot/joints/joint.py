@@ -8,9 +8,9 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray, IntArray, read_only
-from mocca_robot.contacts import Contact
-from mocca_robot.motion_cone import MotionCone, extreme_rays, generalized_normals
+from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.geometry.cones import MotionCone, extreme_rays, generalized_normals
 
 MANY, CROWDED = 5_000, 60
 """Rays in all, and on average per pair of parts, from which on finding the extreme ones pays for itself."""
@@ -75,7 +75,7 @@ def planar(contact: Contact) -> Joint:
         facets: IntArray = np.array([[0, 1]])
         vertices = contact.polygon
     else:
-        from mocca_robot.joints.triangulation import triangulated
+        from mocca_robot.contacts.surface import triangulated
 
         vertices, facets = triangulated(contact)
     return Joint(contact, "planar", contact.normal, vertices, facets)

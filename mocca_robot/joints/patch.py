@@ -6,11 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mocca_robot.assembly import Array, IntArray, read_only
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array, IntArray, read_only
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.contacts.surface import contact_loops
 from mocca_robot.errors import InputError
+from mocca_robot.geometry.triangulation import plane_axes, triangulate_loops
 from mocca_robot.joints.joint import Joint
-from mocca_robot.joints.triangulation import contact_loops, plane_axes, triangulate_loops
 
 
 def joint_with_patch(

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array, read_only
-from mocca_robot.contacts import Contact
-from mocca_robot.joints.triangulation import plane_axes
+from mocca_robot.arrays import Array, read_only
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.geometry.triangulation import plane_axes
 
 TURNS = 8
 """Orientations tried between 0° and 90° besides those of the polygon's own edges."""

@@ -13,8 +13,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from mocca_robot.assembly import Array, IntArray, read_only
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array, IntArray, read_only
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.joint import Joint
 
 SplineKind: TypeAlias = Literal["n", "z"]

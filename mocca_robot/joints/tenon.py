@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mocca_robot.assembly import Array
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import InputError
 from mocca_robot.joints.bicubic import Rectangles, lean_of, rectangle_of, rectangle_parameters
 from mocca_robot.joints.joint import Joint, planar

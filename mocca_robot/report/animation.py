@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, IntArray, Polygon
+from mocca_robot.arrays import Array, IntArray
+from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.report import drawing2d
 from mocca_robot.report.drawing2d import View
 from mocca_robot.report.markup import esc, px

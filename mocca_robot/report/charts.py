@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray
+from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.report.markup import esc, px, significant
 
 WIDTH, HEIGHT = 560.0, 330.0

@@ -17,7 +17,7 @@ from mocca_robot.report.palette import part_colours
 from mocca_robot.report.pictures import Picture
 from mocca_robot.report.sections import APART, case_mark, section
 from mocca_robot.report.summary import case_words
-from mocca_robot.verify import Verification
+from mocca_robot.verdicts.verification import Verification
 
 
 @dataclass(frozen=True, eq=False)

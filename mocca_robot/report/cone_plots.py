@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
+from mocca_robot.geometry.cones import cross, extreme_rays
 from mocca_robot.joints.joint import Joint
-from mocca_robot.motion_cone import cross, extreme_rays
 from mocca_robot.report.markup import degrees, esc, point_list, px
 
 SECTION_HALVES = (2.0, 4.0, 8.0, 16.0)

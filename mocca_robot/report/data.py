@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from importlib import metadata
 from typing import Any, TypeAlias
 
-from mocca_robot.contacts import Contact
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.design import Design
-from mocca_robot.loads import state_cases, tilt_azimuths
-from mocca_robot.verify import CaseVerdict, Verification, critical_tilt, solve_case, verify
+from mocca_robot.statics.cases import CaseVerdict, critical_tilt, solve_case
+from mocca_robot.statics.loads import state_cases, tilt_azimuths
+from mocca_robot.verdicts.verification import Verification, verify
 
 Simulation: TypeAlias = Mapping[str, Any]
 """The parsed simulation.json: see docs; unknown keys are ignored."""

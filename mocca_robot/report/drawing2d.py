@@ -8,13 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array, Assembly, IntArray, Polygon
-from mocca_robot.contacts import Contact, to_shapely
+from mocca_robot.arrays import Array, IntArray
+from mocca_robot.assembly import Assembly, Polygon
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.design import Insertion
+from mocca_robot.geometry.polygons import to_shapely
 from mocca_robot.joints.joint import Joint, contact_rays
 from mocca_robot.report.markup import degrees, esc, point_list, px
 from mocca_robot.report.palette import fills
-from mocca_robot.verify import CaseVerdict
+from mocca_robot.statics.cases import CaseVerdict
 
 GHOST_REACH = 0.10
 """The collapse motion is drawn so large that its fastest point moves by this share of the assembly's size."""

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array, Assembly, Mesh
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly, Mesh
 from mocca_robot.report import raster
 from mocca_robot.report.drawing2d import GHOST_REACH, View, arrow
 from mocca_robot.report.markup import point_list, px
 from mocca_robot.report.palette import FIXED, LIGHT
-from mocca_robot.verify import CaseVerdict
+from mocca_robot.statics.cases import CaseVerdict
 
 DENSITY = 1.5
 """Pixels of the picture per unit of the drawing."""

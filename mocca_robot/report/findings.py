@@ -12,8 +12,8 @@ import numpy as np
 
 from mocca_robot.assembly import Interlocking, SupportFree
 from mocca_robot.report.data import ReportData
+from mocca_robot.statics.cases import CaseVerdict
 from mocca_robot.tolerances import TILT_AGREEMENT_DEG, tilts_apart
-from mocca_robot.verify import CaseVerdict
 
 
 @dataclass(frozen=True, eq=False)

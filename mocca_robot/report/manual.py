@@ -10,17 +10,18 @@ from typing import Any
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array, Assembly, Mesh, Polygon
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly, Mesh, Polygon
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.design import Insertion
+from mocca_robot.fabrication.bill import bill, size
 from mocca_robot.files.output import write_atomic
 from mocca_robot.report import drawing2d, drawing3d, raster
-from mocca_robot.report.bill import bill, size
 from mocca_robot.report.drawing2d import View
 from mocca_robot.report.figures import stand_alone
 from mocca_robot.report.markup import asset, degrees, esc, point_list, px
 from mocca_robot.report.typeset import write_pdf
-from mocca_robot.verify import CaseVerdict
+from mocca_robot.statics.cases import CaseVerdict
 
 PLACED, NEW = "#e3e7ec", "#ee8866"
 TRAVEL = 0.22

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import networkx as nx
 
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts import Contact
+from mocca_robot.contacts.contact import Contact
 
 LIGHT = ("#77aadd", "#ee8866", "#eedd88", "#ffaabb", "#99ddff", "#44bb99", "#bbcc33", "#aaaa00")
 """Paul Tol's 'light' scheme: fills that carry dark labels and stay distinct in every colour vision."""

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.design import Insertion
 from mocca_robot.joints.joint import Joint
 from mocca_robot.report import drawing2d, drawing3d
 from mocca_robot.report.drawing2d import View
 from mocca_robot.report.markup import esc
-from mocca_robot.verify import CaseVerdict
+from mocca_robot.statics.cases import CaseVerdict
 
 HATCH = (
     '<pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'

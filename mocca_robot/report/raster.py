@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from mocca_robot.assembly import Array, IntArray, Mesh
+from mocca_robot.arrays import Array, IntArray
+from mocca_robot.assembly import Mesh
 
 Pixels: TypeAlias = NDArray[np.uint8]
 

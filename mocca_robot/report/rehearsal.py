@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mocca_robot.assembly import Array, Mesh
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Mesh
 from mocca_robot.files.output import write_atomic
 from mocca_robot.report.markup import badge, esc, listed, script_json, table
 from mocca_robot.report.page import document

@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mocca_robot.assembly import Array, Assembly, Mesh
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly, Mesh
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.report.cone_plots import free_reach, tangent_axes
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.drawing2d import FORCE_REACH, merged_forces, way_out_normals, wedge_reach
 from mocca_robot.report.drawing3d import displaced_3d
 from mocca_robot.report.findings import State
 from mocca_robot.report.palette import part_colours
-from mocca_robot.verify import CaseVerdict
+from mocca_robot.statics.cases import CaseVerdict
 
 SHARP = np.deg2rad(25.0)
 """Edges between faces that turn by more are drawn as lines."""

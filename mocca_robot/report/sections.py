@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 from mocca_robot.report import pictures
 from mocca_robot.report.cone_plots import joint_section
 from mocca_robot.report.data import ReportData
@@ -13,7 +13,7 @@ from mocca_robot.report.markup import badge, degrees, esc, listed, millimetres, 
 from mocca_robot.report.palette import fills, part_colours
 from mocca_robot.report.pictures import Picture
 from mocca_robot.report.summary import case_words
-from mocca_robot.verify import CaseVerdict
+from mocca_robot.statics.cases import CaseVerdict
 
 LAYERS = (("names", "names"), ("joints", "joints"), ("forces", "contact forces"), ("collapse", "collapse motion"))
 

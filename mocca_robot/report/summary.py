@@ -10,7 +10,8 @@ from mocca_robot.assembly import Goal, Interlocking, Lateral, SupportFree
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.findings import below_bound, disagreements, entries, smallest_tilt, states, tilt_gaps
 from mocca_robot.report.markup import degrees, esc, listed, plural, significant
-from mocca_robot.verify import CaseVerdict, Verification
+from mocca_robot.statics.cases import CaseVerdict
+from mocca_robot.verdicts.verification import Verification
 
 
 def case_words(name: str) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 from mocca_robot.report.markup import degrees, esc, point_list, px
 
 TICKS = {2: 4, 5: 5, 10: 5, 15: 3, 20: 4, 30: 3, 45: 3, 60: 4, 90: 3}

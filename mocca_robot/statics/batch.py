@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray, IntArray
+from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.errors import InputError
-from mocca_robot.statics.solvers import SolverFailed
-from mocca_robot.statics.system import ContactSystem
-from mocca_robot.statics.threads import with_one_blas_thread
+from mocca_robot.runtime.threads import with_one_blas_thread
+from mocca_robot.statics.solver.solvers import SolverFailed
+from mocca_robot.statics.solver.system import ContactSystem
 
 VIOLATION = 1e-9
 """Slack, relative to |w|, below which a ray joins the working set; an order below what verdicts ask for."""

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from mocca_robot.assembly import Array, BoolArray, IntArray
+from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.errors import InputError, nearest
-from mocca_robot.statics.equilibrium import EquilibriumResult, Status, solve_system, verdict
-from mocca_robot.statics.solvers import SolverFailed
-from mocca_robot.statics.system import ContactSystem
+from mocca_robot.statics.solution import EquilibriumResult, Status, solve_system, verdict
+from mocca_robot.statics.solver.solvers import SolverFailed
+from mocca_robot.statics.solver.system import ContactSystem
 
 
 def equilibrium_with_friction(
@@ -115,7 +115,7 @@ def cone_kkt(frame: ContactSystem, residual: Array, f: Array) -> float:
 
 
 def _own_solver(frame: ContactSystem, w: Array) -> Array:
-    from mocca_robot.statics.friction_cones import solve_friction_cones  # compiled code: loaded where it is used
+    from mocca_robot.statics.solver.friction_cones import solve_friction_cones  # compiled code: loaded where it is used
 
     return solve_friction_cones(frame.blocks, w)
 

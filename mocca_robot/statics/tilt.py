@@ -12,8 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mocca_robot.assembly import Array
-from mocca_robot.statics.equilibrium import EquilibriumResult, Status
+from mocca_robot.arrays import Array
+from mocca_robot.statics.solution import EquilibriumResult, Status
 
 RESOLUTION_RAD = 1e-5
 """Steps shorter than this end the search; about 0.0006°."""

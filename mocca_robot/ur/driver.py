@@ -14,25 +14,25 @@ from types import TracebackType
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
+from mocca_robot.plan.arm_models import robot_model
+from mocca_robot.plan.gripper import Grip, Gripper, GripperLost, require_drivable
+from mocca_robot.plan.guards import SEATING_PACE, PushGuard, arrived, check_forces, check_path, check_start
+from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.plan import Plan, Waypoint
+from mocca_robot.plan.pose import Three, distance_m
+from mocca_robot.plan.push_frame import frame_along
+from mocca_robot.plan.safety import require_sound
+from mocca_robot.plan.status import ArmState, ExecutionStatus, Outcome
+from mocca_robot.plan.supervision import Stopped
 from mocca_robot.ur import dashboard
-from mocca_robot.ur.checks import require_sound
-from mocca_robot.ur.frames import frame_along
-from mocca_robot.ur.gripper import Grip, Gripper, GripperLost
-from mocca_robot.ur.gripper_choice import connect, require_drivable
-from mocca_robot.ur.guards import SEATING_PACE, PushGuard, arrived, check_forces, check_path, check_start
-from mocca_robot.ur.limits import Limits
+from mocca_robot.ur.grippers import connect
 from mocca_robot.ur.link import Link, LinkLost
-from mocca_robot.ur.models import robot_model
 from mocca_robot.ur.monitor import CONNECT_S, CYCLE_S, Monitor
 from mocca_robot.ur.owner import RobotLock
-from mocca_robot.ur.plan import Plan, Waypoint
-from mocca_robot.ur.pose import Three, distance_m
 from mocca_robot.ur.preflight import blocking_findings, require_robot
 from mocca_robot.ur.priority import preferred
-from mocca_robot.ur.status import ArmState, ExecutionStatus, Outcome
-from mocca_robot.ur.supervision import Stopped
 
 CALL_S = 1.0
 """A command of the control script answers within a few cycles; a second means that nobody is there."""

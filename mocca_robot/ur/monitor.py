@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from mocca_robot.ur.guards import STILL_RAD_S
-from mocca_robot.ur.limits import Limits
+from mocca_robot.plan.guards import STILL_RAD_S
+from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.status import ArmState, ExecutionStatus
+from mocca_robot.plan.supervision import Stopped, parse_state, program_stop, safety_stop
 from mocca_robot.ur.link import Link, LinkLost
-from mocca_robot.ur.status import ArmState, ExecutionStatus
-from mocca_robot.ur.supervision import Stopped, parse_state, program_stop, safety_stop
 
 CYCLE_S = 0.02
 CONNECT_S = 8.0

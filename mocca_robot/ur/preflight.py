@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from mocca_robot.errors import InputError
+from mocca_robot.plan.arm_models import robot_model
+from mocca_robot.plan.plan import Plan, Waypoint
+from mocca_robot.plan.pose import angle_rad, distance_m
+from mocca_robot.plan.status import ArmState
 from mocca_robot.ur.dashboard import Identity, identify
-from mocca_robot.ur.models import robot_model
-from mocca_robot.ur.plan import Plan, Waypoint
-from mocca_robot.ur.pose import angle_rad, distance_m
-from mocca_robot.ur.status import ArmState
 
 SAFETY_SPACING_M = 0.05
 """The controller is asked about waypoints at least this far apart, and about every end."""

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from mocca_robot.ur.gripper import Grip, GripperLost
+from mocca_robot.plan.gripper import Grip, GripperLost
+from mocca_robot.plan.status import ArmState, ExecutionStatus
+from mocca_robot.plan.supervision import Stopped
+from mocca_robot.plan.wiring import VacuumWiring, bank_and_number
 from mocca_robot.ur.link import Link, LinkLost
-from mocca_robot.ur.status import ArmState, ExecutionStatus
-from mocca_robot.ur.supervision import Stopped
-from mocca_robot.ur.wiring import VacuumWiring, bank_and_number
 
 CALL_S = 1.0
 CONNECT_S = 8.0

@@ -12,18 +12,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
-from mocca_robot.ur.checks import require_sound
-from mocca_robot.ur.frames import frame_along
-from mocca_robot.ur.gripper import RobotiqSocket
-from mocca_robot.ur.gripper_choice import require_drivable
-from mocca_robot.ur.guards import SEATED_SHARE, SEATING_M, SEATING_PACE
-from mocca_robot.ur.limits import Limits
-from mocca_robot.ur.plan import Move, MoveKind, Plan, Step, Waypoint, insertion_axis
-from mocca_robot.ur.pose import distance_m
+from mocca_robot.plan.gripper import require_drivable
+from mocca_robot.plan.guards import SEATED_SHARE, SEATING_M, SEATING_PACE
+from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.plan import Move, MoveKind, Plan, Step, Waypoint, insertion_axis
+from mocca_robot.plan.pose import distance_m
+from mocca_robot.plan.push_frame import frame_along
+from mocca_robot.plan.safety import require_sound
+from mocca_robot.plan.wiring import VacuumWiring, bank_and_number
+from mocca_robot.ur.grippers import RobotiqSocket
 from mocca_robot.ur.suction import FLICKER_S
-from mocca_robot.ur.wiring import VacuumWiring, bank_and_number
 
 BLEND_M = 0.002
 LARGEST = 1000.0
@@ -107,7 +107,7 @@ _HELPERS = """\
 
 
 def urscript(plan: Plan) -> str:
-    """Return the program; InputError when the plan is not sound (`checks.require_sound`) or a number is not usable."""
+    """Return the program; InputError when the plan is not sound (`safety.require_sound`) or a number is not usable."""
     require_sound(plan)
     require_drivable(plan)
     cell = plan.cell

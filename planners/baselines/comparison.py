@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly
-from mocca_robot.contacts import Contact, ContactReport, find_contacts, require_sound
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact, ContactReport
+from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.design import Insertion
 from mocca_robot.joints.build import build_parts
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
-from mocca_robot.parts_graph import part_motions
-from mocca_robot.ways_out import ways_out
+from mocca_robot.motion.parts_graph import part_motions
+from mocca_robot.motion.ways_out import ways_out
 from planners.baselines.tenons import tenons_along_exits, tilted_tenons, upright_tenons
 from planners.cone_joints.designer import Progress, design
 

@@ -13,13 +13,15 @@ from typing import Literal
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, IntArray
-from mocca_robot.contacts import ContactReport, find_contacts, require_sound
+from mocca_robot.arrays import Array, IntArray
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import ContactReport
+from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
-from mocca_robot.loads import load_cases
-from mocca_robot.parts_graph import part_motions
-from mocca_robot.ways_out import ways_out
+from mocca_robot.motion.parts_graph import part_motions
+from mocca_robot.motion.ways_out import ways_out
+from mocca_robot.statics.loads import load_cases
 from planners.cone_joints.descent import PENALTY_WEIGHT, evaluate, hinge_values, surface_of, violation_of
 from planners.cone_joints.energy import EnergyResult, Loads, joint_wrenches
 from planners.cone_joints.realization import SOLVED

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray
+from mocca_robot.arrays import Array, BoolArray
 from planners.cone_joints.energy import energy, joint_wrenches
 from planners.cone_joints.shapes2d import Shapes2D
 from planners.cone_joints.unknowns import Problem

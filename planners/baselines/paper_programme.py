@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly
-from mocca_robot.contacts import ContactReport
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import ContactReport
 from mocca_robot.errors import InputError
 from mocca_robot.joints.joint import Joint
 from mocca_robot.joints.options import JointOptions

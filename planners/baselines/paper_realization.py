@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
+from mocca_robot.geometry.cones import distance_to_cone, generalized_normals
 from mocca_robot.joints.spline import SplineKind
-from mocca_robot.motion_cone import distance_to_cone, generalized_normals
 from planners.baselines.paper_kinematics import RequiredCones, faces
 from planners.cone_joints.descent import PENALTY_WEIGHT, hinge_values, surface_of
 from planners.cone_joints.shapes2d import Shapes2D

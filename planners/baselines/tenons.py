@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.bicubic import MAX_LEAN, Rectangles, largest_rectangle
 from mocca_robot.joints.clearance import height_limits
 from mocca_robot.joints.joint import Joint, planar

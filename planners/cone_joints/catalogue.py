@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray, IntArray
-from mocca_robot.motion_cone import distance_to_cone, generalized_normals, largest_cone
+from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.geometry.cones import distance_to_cone, generalized_normals, largest_cone
 from mocca_robot.statics.batch import BatchResult, solve_cases
-from mocca_robot.statics.system import ContactSystem
+from mocca_robot.statics.solver.system import ContactSystem
 from planners.cone_joints.energy import SMALL, each_case
 from planners.cone_joints.kinematic import Requirement
 from planners.cone_joints.shapes import Shapes

@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, read_only
-from mocca_robot.content_hash import assembly_hash, content_hash
+from mocca_robot.arrays import Array, read_only
+from mocca_robot.assembly import Assembly
 from mocca_robot.errors import InputError
 from mocca_robot.files.output import write_json
 from mocca_robot.files.versions import PROGRESS
 from mocca_robot.joints.options import JointOptions
+from mocca_robot.runtime.content_hash import assembly_hash, content_hash
 from planners.cone_joints.descent import Descent
 from planners.cone_joints.realization import Polished, Polishing
 from planners.cone_joints.search import SearchState, Stage

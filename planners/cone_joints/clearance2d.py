@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray, Polygon
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.assembly import Assembly, Polygon
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.options import JointOptions
 
 

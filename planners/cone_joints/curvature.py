@@ -17,11 +17,11 @@ import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 from scipy.sparse.linalg import LinearOperator, cg
 
-from mocca_robot.assembly import Array, BoolArray
-from mocca_robot.statics.system import ContactSystem
+from mocca_robot.arrays import Array, BoolArray
+from mocca_robot.statics.solver.system import ContactSystem
 
 if TYPE_CHECKING:
-    from mocca_robot.statics.factors import Factor
+    from mocca_robot.statics.solver.factors import Factor
 
 LARGE = 1200
 """Unknowns up to which the matrix is written out."""

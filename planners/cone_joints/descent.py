@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from mocca_robot.assembly import Array, BoolArray, IntArray
+from mocca_robot.arrays import Array, BoolArray, IntArray
 from planners.cone_joints.curvature import LARGE, Answer, Curvature, Products, Written, answered, unanswered
 from planners.cone_joints.energy import EnergyResult, energy, joint_wrenches
 from planners.cone_joints.shapes import Shapes

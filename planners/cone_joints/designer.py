@@ -8,17 +8,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, BoolArray, Lateral, read_only
-from mocca_robot.contacts import Contact, ContactReport, find_contacts, require_sound
+from mocca_robot.arrays import Array, BoolArray, read_only
+from mocca_robot.assembly import Assembly, Lateral
+from mocca_robot.contacts.contact import Contact, ContactReport
+from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.design import CaseResult, Design, Insertion
 from mocca_robot.errors import InputError
 from mocca_robot.joints.build import build_parts
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
-from mocca_robot.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
-from mocca_robot.parts_graph import PartMotion, part_motions
-from mocca_robot.statics.threads import with_one_blas_thread
-from mocca_robot.ways_out import first_free, free_half_angle, roomiest, spread_directions, ways_out
+from mocca_robot.motion.parts_graph import PartMotion, part_motions
+from mocca_robot.motion.ways_out import first_free, free_half_angle, roomiest, spread_directions, ways_out
+from mocca_robot.runtime.threads import with_one_blas_thread
+from mocca_robot.statics.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
 from planners.cone_joints.descent import evaluate
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.kinematic import Impossible, bound

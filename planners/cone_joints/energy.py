@@ -13,14 +13,15 @@ from functools import cached_property
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray
-from mocca_robot.contacts import Contact
-from mocca_robot.loads import LoadCase, case_wrenches
-from mocca_robot.motion_cone import cross
+from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.geometry.cones import cross
+from mocca_robot.runtime.threads import on_all_cores
 from mocca_robot.statics.batch import BatchResult, solve_cases
-from mocca_robot.statics.equilibrium import solve_system
-from mocca_robot.statics.system import ContactSystem
-from mocca_robot.statics.threads import on_all_cores
+from mocca_robot.statics.loads import LoadCase, case_wrenches
+from mocca_robot.statics.solution import solve_system
+from mocca_robot.statics.solver.system import ContactSystem
 
 
 @dataclass(frozen=True, eq=False)

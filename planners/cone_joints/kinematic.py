@@ -13,12 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.geometry.cones import generalized_normals
 from mocca_robot.joints.options import JointOptions
-from mocca_robot.motion_cone import generalized_normals
-from mocca_robot.statics.equilibrium import EquilibriumResult, solve_system
-from mocca_robot.statics.system import ContactSystem
+from mocca_robot.statics.solution import EquilibriumResult, solve_system
+from mocca_robot.statics.solver.system import ContactSystem
 from planners.cone_joints.energy import Loads
 
 

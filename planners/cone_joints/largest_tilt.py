@@ -12,11 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, Lateral
-from mocca_robot.contacts import ContactReport, find_contacts
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly, Lateral
+from mocca_robot.contacts.contact import ContactReport
+from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.joints.options import JointOptions
-from mocca_robot.loads import load_cases
+from mocca_robot.statics.loads import load_cases
 from planners.cone_joints.designer import Designed, design, joint_contacts, joint_shapes
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.kinematic import bound

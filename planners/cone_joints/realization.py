@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray
+from mocca_robot.arrays import Array, BoolArray
 from planners.cone_joints.descent import (
     MARGIN_SOLVED,
     VIOLATED,

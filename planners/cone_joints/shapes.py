@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-from mocca_robot.assembly import Array, BoolArray, IntArray
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.joint import Joint
 from mocca_robot.joints.options import JointOptions
 

@@ -12,8 +12,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray, read_only
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.joints.spline import SplineKind, polyline_joint, smallest_radius, spline_points

@@ -13,8 +13,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, BoolArray, IntArray, read_only
-from mocca_robot.contacts import Contact
+from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.bicubic import (
     FLANK_SEGMENTS,
     BumpPattern,

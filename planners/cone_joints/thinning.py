@@ -13,8 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray
-from mocca_robot.statics.system import ContactSystem
+from mocca_robot.arrays import Array, BoolArray
+from mocca_robot.statics.solver.system import ContactSystem
 from planners.cone_joints.descent import MARGIN_SOLVED, VIOLATED, evaluate, moved_wrenches, narrowed, surface_of
 from planners.cone_joints.energy import each_case
 from planners.cone_joints.realization import SOLVED, Polished, as_it_is, polish

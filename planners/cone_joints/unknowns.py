@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray, IntArray
+from mocca_robot.arrays import Array, BoolArray, IntArray
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.shapes import Shapes
 

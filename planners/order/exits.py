@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly
-from mocca_robot.contacts import Contact
-from mocca_robot.motion_cone import largest_cone
-from mocca_robot.ways_out import insertion_rim, spread_directions, sweep_blockers
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.geometry.cones import largest_cone
+from mocca_robot.motion.ways_out import insertion_rim, spread_directions, sweep_blockers
 
 State = frozenset[int]
 """The free parts that are there, by their numbers."""

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mocca_robot.assembly import Assembly, BoolArray
-from mocca_robot.contacts import Contact
-from mocca_robot.loads import LoadCase
-from mocca_robot.verify import solve_case
+from mocca_robot.arrays import BoolArray
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.statics.cases import solve_case
+from mocca_robot.statics.loads import LoadCase
 from planners.order.exits import State
 
 LARGE = 20

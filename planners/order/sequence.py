@@ -14,8 +14,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from mocca_robot.assembly import Array, Assembly
-from mocca_robot.contacts import Contact, find_contacts
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
 from planners.order.exits import Exits, State
 from planners.order.held_parts import LARGE, HeldParts

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.ur.links import capsules, offsets
-from mocca_robot.ur.models import RobotModel
+from mocca_robot.plan.arm_links import capsules, offsets
+from mocca_robot.plan.arm_models import RobotModel
 from planners.robot.tool import Gripper, ParallelGripper
 
 

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray
-from mocca_robot.ur.models import RobotModel
+from mocca_robot.arrays import Array, BoolArray
+from mocca_robot.plan.arm_models import RobotModel
 
 BRANCH_STEP_RAD = 0.12
 """A joint that turns farther between two poses of a finely sampled line has changed its branch or is near a

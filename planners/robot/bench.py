@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array
-from mocca_robot.ur.pose import transform
+from mocca_robot.arrays import Array
+from mocca_robot.plan.pose import transform
 from planners.robot.arm_poses import trace
 from planners.robot.cell import RobotCell
 from planners.robot.scene import Scene, straight

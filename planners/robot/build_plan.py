@@ -13,16 +13,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 from mocca_robot.design import Design, Insertion
 from mocca_robot.errors import InputError
 from mocca_robot.files.design_json import StoredDesign
-from mocca_robot.ur.plan import Move, MoveKind, Plan, Step
+from mocca_robot.plan.plan import Move, MoveKind, Plan, Step
 from planners.robot.bench import Bench
 from planners.robot.build_result import BuildPlan, PartReport
 from planners.robot.cell import RobotCell
 from planners.robot.falling_states import falls
-from planners.robot.grasp import GraspPose, GraspSearch, count, find_grasps, summary
+from planners.robot.grasp import GraspSearch, find_grasps
+from planners.robot.grasp_pose import GraspPose, count, summary
 from planners.robot.pick import picks, reachable, tool_down
 from planners.robot.scene import Scene
 from planners.robot.seat import Seat, seats

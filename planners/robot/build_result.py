@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mocca_robot.ur.plan import Plan
+from mocca_robot.plan.plan import Plan
 from planners.robot.cell import RobotCell
 from planners.robot.falling_states import Fall
 from planners.robot.site import Site

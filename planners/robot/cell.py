@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array, read_only
+from mocca_robot.arrays import Array, read_only
+from mocca_robot.config.keys import read_whole
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.documents import MAX_YAML_BYTES, parse_yaml, read_text
-from mocca_robot.files.keys import read_whole
 from mocca_robot.files.versions import CELL
-from mocca_robot.ur.limits import Limits
-from mocca_robot.ur.models import RobotModel, robot_model
-from mocca_robot.ur.plan import Cell, Plan
-from mocca_robot.ur.pose import three
+from mocca_robot.plan.arm_models import RobotModel, robot_model
+from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.plan import Cell, Plan
+from mocca_robot.plan.pose import three
 from planners.robot.cell_keys import CELL_KEYS, EXAMPLE
 from planners.robot.tool import Gripper, SuctionGripper, read_gripper
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from mocca_robot.files.keys import Key
-from mocca_robot.ur.limits import Limits, bounds
-from mocca_robot.ur.models import MODELS
-from mocca_robot.ur.plan_reader import GRIPPERS
-from mocca_robot.ur.wiring import DEFAULT_WAIT_S, SIGNALS, WAIT_S
+from mocca_robot.config.keys import Key
+from mocca_robot.plan.arm_models import MODELS
+from mocca_robot.plan.limits import Limits, bounds
+from mocca_robot.plan.reader import GRIPPERS
+from mocca_robot.plan.wiring import DEFAULT_WAIT_S, SIGNALS, WAIT_S
 
 EXAMPLE = "configs/cells/ur5e_2f85.yaml"
 GRIPPER_KINDS = ("parallel", "suction")

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array, Mesh, Polygon
-from mocca_robot.contacts import to_shapely
-from mocca_robot.penetration import solid
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Mesh, Polygon
+from mocca_robot.contacts.penetration import solid
+from mocca_robot.geometry.polygons import to_shapely
 
 if TYPE_CHECKING:
     import manifold3d

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts import find_contacts
-from mocca_robot.loads import LoadCase, state_cases
-from mocca_robot.verify import solve_case
+from mocca_robot.contacts.find import find_contacts
+from mocca_robot.statics.cases import solve_case
+from mocca_robot.statics.loads import LoadCase, state_cases
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray, Mesh
-from planners.robot.grasp import GraspPose, count, frame, spread, too_wide
+from mocca_robot.arrays import Array, BoolArray
+from mocca_robot.assembly import Mesh
+from planners.robot.grasp_pose import GraspPose, count, frame, spread, too_wide
 from planners.robot.rays import first_hits
 from planners.robot.site import Site
 from planners.robot.tool import ParallelGripper

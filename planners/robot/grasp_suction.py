@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray, Mesh, Polygon
-from mocca_robot.contacts import to_shapely
-from planners.robot.grasp import GraspPose, count, frame, inner_points, spread
+from mocca_robot.arrays import Array, BoolArray
+from mocca_robot.assembly import Mesh, Polygon
+from mocca_robot.geometry.polygons import to_shapely
+from planners.robot.grasp_pose import GraspPose, count, frame, inner_points, spread
 from planners.robot.rays import first_hits
 from planners.robot.site import Site
 from planners.robot.tool import SuctionGripper

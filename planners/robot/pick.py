@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray
+from mocca_robot.arrays import Array, BoolArray
 from planners.robot.arm_poses import all_branches, nearest_turn
 from planners.robot.bench import Bench
-from planners.robot.grasp import GraspPose, count
+from planners.robot.grasp_pose import GraspPose, count
 from planners.robot.seat import Seat
 
 ABOVES_M = (0.07, 0.05, 0.1)
@@ -44,7 +44,7 @@ def tool_down(seat: Seat) -> Array:
     sine, cosine = float(np.linalg.norm(axis)), float(tool @ down)
     if sine < 1e-9:
         return np.diag([1.0, -1.0, -1.0])
-    from mocca_robot.ur.pose import rotation_matrix
+    from mocca_robot.plan.pose import rotation_matrix
 
     return rotation_matrix(axis / sine * np.arctan2(sine, cosine))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mocca_robot.assembly import Array, IntArray
+from mocca_robot.arrays import Array, IntArray
 
 CHUNK = 400_000
 """Ray–triangle pairs looked at together: what fits the processor's cache."""

@@ -11,11 +11,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from mocca_robot.assembly import Array
-from mocca_robot.ur.checks import Finding, findings
-from mocca_robot.ur.plan import Move, MoveKind, Plan, Step, Waypoint, insertion_axis
-from mocca_robot.ur.pose import transform
-from mocca_robot.ways_out import sweep_blockers
+from mocca_robot.arrays import Array
+from mocca_robot.motion.ways_out import sweep_blockers
+from mocca_robot.plan.plan import Move, MoveKind, Plan, Step, Waypoint, insertion_axis
+from mocca_robot.plan.pose import transform
+from mocca_robot.plan.safety import Finding, findings
 from planners.robot.cell import RobotCell
 from planners.robot.scene import Scene
 from planners.robot.site import Site

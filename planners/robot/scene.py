@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array, IntArray
+from mocca_robot.arrays import Array, IntArray
 from planners.robot.arm_bodies import add_finger, add_links, add_palm
 from planners.robot.cell import RobotCell
 from planners.robot.site import Site

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array, BoolArray
+from mocca_robot.arrays import Array, BoolArray
 from planners.robot.arm_poses import all_branches, nearest_turn, trace
 from planners.robot.bench import Bench
-from planners.robot.grasp import GraspPose, count
+from planners.robot.grasp_pose import GraspPose, count
 from planners.robot.grasp_suction import pull
 from planners.robot.tool import SuctionGripper
 from planners.robot.trajectory import line

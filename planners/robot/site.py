@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly, Mesh, Polygon, read_only
+from mocca_robot.arrays import Array, read_only
+from mocca_robot.assembly import Assembly, Mesh, Polygon
 from planners.robot.cell import RobotCell
 from planners.robot.convex_cover import convex_cover
 

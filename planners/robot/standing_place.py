@@ -11,7 +11,7 @@ import numpy as np
 from planners.robot.arm_poses import all_branches
 from planners.robot.bench import Bench
 from planners.robot.cell import RobotCell
-from planners.robot.grasp import GraspPose
+from planners.robot.grasp_pose import GraspPose
 from planners.robot.site import Site, motion_between, moved
 
 LOOKED_AT = 60

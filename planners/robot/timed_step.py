@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 from mocca_robot.design import Insertion
-from mocca_robot.ur.plan import Grasp, Move, MoveKind, Step, Waypoint
-from mocca_robot.ur.pose import pose_of, three
+from mocca_robot.plan.plan import Grasp, Move, MoveKind, Step, Waypoint
+from mocca_robot.plan.pose import pose_of, three
 from planners.robot.bench import Bench
 from planners.robot.pick import Pick
 from planners.robot.scene import straight

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mocca_robot.assembly import Array
-from mocca_robot.ur.plan import Waypoint
-from mocca_robot.ways_out import insertion_rim, sweep_blockers
+from mocca_robot.arrays import Array
+from mocca_robot.motion.ways_out import insertion_rim, sweep_blockers
+from mocca_robot.plan.plan import Waypoint
 from planners.robot.bench import Bench
 from planners.robot.seat import Seat
 from planners.robot.trajectory import line_motion, reversed_motion

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
+from mocca_robot.config.keys import read_whole
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
-from mocca_robot.files.keys import read_whole
-from mocca_robot.ur.pose import Six, six, three
-from mocca_robot.ur.wiring import VacuumWiring
+from mocca_robot.plan.pose import Six, six, three
+from mocca_robot.plan.wiring import VacuumWiring
 from planners.robot.cell_keys import EXAMPLE, GRIPPER_KEYS
 
 GRAVITY = 9.81

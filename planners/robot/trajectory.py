@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mocca_robot.assembly import Array
-from mocca_robot.ur.plan import Waypoint
-from mocca_robot.ur.pose import six
+from mocca_robot.arrays import Array
+from mocca_robot.plan.plan import Waypoint
+from mocca_robot.plan.pose import six
 from planners.robot.arm_poses import trace
 from planners.robot.cell import RobotCell
 

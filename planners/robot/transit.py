@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
 
 EDGE_STEP_RAD = 0.007

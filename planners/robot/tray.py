@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError, nearest
-from mocca_robot.ur.pose import rotation_matrix, rotation_vector
+from mocca_robot.plan.pose import rotation_matrix, rotation_vector
 from planners.robot.cell import RobotCell, TrayPlace
 from planners.robot.site import Body, Site
 from planners.robot.tool import ParallelGripper

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from mocca_robot.assembly import Array, Mesh
-from mocca_robot.files.cut import dxf_text, svg_text
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Mesh
+from mocca_robot.fabrication.cut import dxf_text, svg_text
+from mocca_robot.fabrication.sheet import CutPart, Sheet
 from mocca_robot.files.meshes import write_part
 from mocca_robot.files.output import write_atomic
-from mocca_robot.files.sheet import CutPart, Sheet
 from planners.robot.cell import RobotCell
 from planners.robot.site import Site
 from planners.robot.tray import Tray

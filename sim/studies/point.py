@@ -11,16 +11,19 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from mocca_robot.assembly import Array, Assembly
-from mocca_robot.contacts import Contact, find_contacts, require_sound
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
+from mocca_robot.config.config import Config
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.errors import MoccaError
-from mocca_robot.files.config import Config
 from mocca_robot.files.design_json import read_design, write_design
 from mocca_robot.joints.joint import planar
-from mocca_robot.loads import tilt_azimuths
-from mocca_robot.parts_graph import parts_graph
-from mocca_robot.statics.threads import with_one_blas_thread
-from mocca_robot.verify import Verification, critical_tilts, verify
+from mocca_robot.motion.parts_graph import parts_graph
+from mocca_robot.runtime.threads import with_one_blas_thread
+from mocca_robot.statics.cases import critical_tilts
+from mocca_robot.statics.loads import tilt_azimuths
+from mocca_robot.verdicts.verification import Verification, verify
 
 Row: TypeAlias = dict[str, Any]
 """Status, reason and figures of a point, by column."""

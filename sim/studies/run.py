@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from typing import Any
 
-from mocca_robot.content_hash import assembly_hash, content_hash
+from mocca_robot.config.config import Config
 from mocca_robot.errors import MoccaError
-from mocca_robot.executors import WorkerLost, completed
-from mocca_robot.files.config import Config
+from mocca_robot.runtime.content_hash import assembly_hash, content_hash
+from mocca_robot.runtime.executors import WorkerLost, completed
 from sim.studies.point import FAILED, UNUSABLE, Row, Task, evaluate
 from sim.studies.study import Point, Study
 from sim.trial_store import TrialStore

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from mocca_robot.config.config import Config, load
+from mocca_robot.config.keys import Key
+from mocca_robot.config.keys import section as keys_of
+from mocca_robot.config.schema import KEYS
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
-from mocca_robot.files.config import Config, load
 from mocca_robot.files.documents import MAX_YAML_BYTES, existing_path, parse_yaml, read_text
-from mocca_robot.files.keys import Key
-from mocca_robot.files.keys import section as keys_of
-from mocca_robot.files.schema import KEYS
 from mocca_robot.files.versions import STUDY_FILE
 
 COMBINE = ("grid", "list")

@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from mocca_robot.errors import MoccaError
-from mocca_robot.ur.commands import add_fake_ur_options, run_fake_ur
+from mocca_robot.ur.fake.serve import add_fake_ur_options, run_fake_ur
 
 parser = argparse.ArgumentParser(
     prog="python -m mocca_robot.ur.fake", description=sys.modules["mocca_robot.ur.fake"].__doc__

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
+from mocca_robot.plan.arm_models import RobotModel
+from mocca_robot.plan.pose import pose_of, rotation_vector, transform
+from mocca_robot.plan.wiring import VacuumWiring
 from mocca_robot.ur.fake.world import Fault, Trigger, World
-from mocca_robot.ur.models import RobotModel
-from mocca_robot.ur.pose import pose_of, rotation_vector, transform
-from mocca_robot.ur.wiring import VacuumWiring
 
 SERVO_LAG_S = 0.04
 STOP_RAD_S2 = 10.0

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.errors import EnvironmentNeeded, InputError
+from mocca_robot.plan.arm_models import robot_model
+from mocca_robot.plan.plan import Plan
 from mocca_robot.ur.fake.arm import NORMAL, PLAYING, PROTECTIVE, ROBOT_EMERGENCY, RUNNING, SAFEGUARD, FakeArm
 from mocca_robot.ur.fake.rtde import VERSION, RtdeServer
 from mocca_robot.ur.fake.world import Fault, Trigger, World
-from mocca_robot.ur.models import robot_model
-from mocca_robot.ur.plan import Plan
 from mocca_robot.ur.priority import prefer_this_process
 
 TICK_S = 0.008

@@ -8,9 +8,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from mocca_robot.assembly import Array
+from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError, nearest
-from mocca_robot.ur.plan import MoveKind, Plan, insertion_axis
+from mocca_robot.plan.plan import MoveKind, Plan, insertion_axis
 
 SEAT_STIFFNESS_N_M = 20_000.0
 """Of the place where a part ends up: force control in steps of 30 ms stays stable on it."""

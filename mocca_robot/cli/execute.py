@@ -1,0 +1,213 @@
+"""The command line of the robot: `execute`, `fake-ur`, and `export --format urscript`.
+
+`register` adds the first two to a subparsers object; each parser carries its handler as `args.run`, which returns the
+exit code: 0 done, 1 not done with the reason, 2 broken input or environment (raised as MoccaError, for the caller).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mocca_robot.cli.exit_code import positive_if
+from mocca_robot.errors import InputError
+from mocca_robot.ur.fake.serve import add_fake_ur_options, run_fake_ur
+
+if TYPE_CHECKING:
+    from mocca_robot.plan.journal import Record, Resolution
+    from mocca_robot.plan.plan import Plan
+    from mocca_robot.plan.status import ExecutionEvent
+
+
+def register(subparsers: Any) -> None:
+    """Add `execute` and `fake-ur` to an argparse subparsers object."""
+    parser = subparsers.add_parser("execute", help="check a plan (dry run), or build it on a named robot")
+    add_execute_options(parser)
+    parser.set_defaults(run=run_execute)
+    parser = subparsers.add_parser("fake-ur", help="serve a fake UR controller on loopback, with faults on demand")
+    add_fake_ur_options(parser)
+    parser.set_defaults(run=run_fake_ur)
+
+
+def add_execute_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `execute`."""
+    parser.description = (
+        "Without --robot: a dry run that prints and checks every waypoint. With --robot and --confirm the robot moves."
+    )
+    parser.add_argument("plan", nargs="?", type=Path, help="plan.json; may be left out with --resume")
+    parser.add_argument("--robot", metavar="HOST", help="address of the controller: the arm WILL MOVE")
+    parser.add_argument(
+        "--confirm", metavar="NAME", help="the robot's serial number, or the cell's name if it records it"
+    )
+    parser.add_argument("--journal", type=Path, help="journal to write (default: PLAN.journal.jsonl)")
+    parser.add_argument("--resume", type=Path, metavar="JOURNAL", help="go on after an interruption")
+    parser.add_argument(
+        "--resolve", metavar="PART=placed|repeat", help="what a person found out about the step that was not finished"
+    )
+    parser.add_argument("--design", type=Path, help="design.json that the plan must still belong to")
+    parser.add_argument("--json", action="store_true", help="print one JSON document instead of text")
+
+
+def run_execute(args: argparse.Namespace) -> int:
+    """Run `execute`: a dry run, or an execution on a robot."""
+    from mocca_robot.plan.journal import next_step, read_journal
+    from mocca_robot.plan.reader import read_plan
+
+    if args.robot is None and args.confirm is not None:
+        raise InputError("--confirm names a robot, but --robot does not say where it is. Give both, or neither.")
+    record = read_journal(args.resume) if args.resume is not None else None
+    path = args.plan if args.plan is not None or record is None else Path(record.plan_file)
+    if path is None or (record is not None and args.plan is None and not record.plan_file):
+        raise InputError("No plan is given. Name the plan.json, or a journal that knows it with --resume.")
+    plan = read_plan(path, args.design)
+    if record is None and args.resolve is not None:
+        raise InputError("--resolve belongs to --resume JOURNAL.")
+    _require_same_plan(plan, record)
+    resolution = _resolution(args.resolve) if args.resolve else None
+    first = next_step(record, plan, resolution) if record is not None else 0
+    if args.robot is None:
+        return _dry_run(plan, first, args.json)
+    if args.confirm is None:
+        raise InputError(
+            f"--robot {args.robot} would move an arm. Add --confirm with its serial number (on the pendant: Settings, "
+            "About), after a dry run and with the cell clear."
+        )
+    return _build(args, plan, path, record, first, resolution)
+
+
+def _require_same_plan(plan: Plan, record: Record | None) -> None:
+    if record is not None and record.plan_sha256 != plan.sha256:
+        raise InputError(
+            f"The journal {record.path} belongs to a plan with hash {record.plan_sha256[:12]}…, this one has "
+            f"{plan.sha256[:12]}…: another or an edited plan is never resumed. Give the plan it was begun with."
+        )
+
+
+def _resolution(text: str) -> tuple[str, Resolution]:
+    part, _, found = text.rpartition("=")
+    if found == "placed":
+        return part, "placed"
+    if found == "repeat":
+        return part, "repeat"
+    raise InputError(f"--resolve is '{text}'; write PART=placed or PART=repeat.")
+
+
+def _dry_run(plan: Plan, first: int, as_json: bool) -> int:
+    from mocca_robot.plan.dry_run import dry_run
+
+    result = dry_run(plan, first)
+    print(json.dumps(result.document()) if as_json else result.text())
+    return positive_if(not result.findings)
+
+
+def _build(
+    args: argparse.Namespace,
+    plan: Plan,
+    path: Path,
+    record: Record | None,
+    first: int,
+    resolution: tuple[str, Resolution] | None,
+) -> int:
+    """Build on a robot. Ctrl-C and SIGTERM stop the arm within one cycle, and are journalled as cancelled."""
+    import signal
+
+    from mocca_robot.plan.executor import execute
+    from mocca_robot.plan.journal import Journal
+    from mocca_robot.plan.safety import require_sound
+    from mocca_robot.ur.driver import UrArm
+    from mocca_robot.ur.link import require_client
+    from mocca_robot.ur.preflight import QUESTION_S, questions
+
+    require_sound(plan)
+    require_client()
+    say = _silent if args.json else _say
+    if record is not None and record.truncated is not None:
+        print(f"note: a line of the journal was cut off while it was written: {record.truncated[:60]}", file=sys.stderr)
+    if first >= len(plan.steps) and (resolution is None or record is None):
+        return _report(args.json, {"status": "succeeded", "detail": "every step is finished already", "journal": ""})
+    target = args.resume if args.resume is not None else args.journal or path.with_suffix(".journal.jsonl")
+    if record is None and target.exists():
+        raise InputError(
+            f"The journal {target} exists. Continue it with --resume {target}, or name another with --journal."
+        )
+    interrupted: list[int] = []
+    before = {
+        n: signal.signal(n, lambda number, _: interrupted.append(number)) for n in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        with UrArm(args.robot, plan, args.confirm, cancelled=lambda: bool(interrupted)) as arm:
+            if record is None:
+                journal = Journal.create(target, plan, arm.name, path)
+            else:
+                journal, _ = Journal.reopen(target, plan)
+                _note_resume(journal, plan, record, resolution)
+            with journal:
+                if first >= len(plan.steps):
+                    return _report(
+                        args.json, {"status": "succeeded", "detail": "every step is finished", "journal": str(target)}
+                    )
+                if not args.json:
+                    places = sum(1 for _ in questions(plan, first))
+                    print(
+                        f"before it moves, {places} places are put to the robot's own safety limits: "
+                        f"about {places * QUESTION_S:.0f} s",
+                        flush=True,
+                    )
+                result = execute(plan, arm, journal, first, say)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    last = result.last.document()
+    last.update(
+        status=str(result.status), detail=result.detail, steps_finished=result.steps_finished, journal=str(target)
+    )
+    return _report(args.json, last)
+
+
+def _note_resume(journal: Any, plan: Plan, record: Record, resolution: tuple[str, Resolution] | None) -> None:
+    """Write that and how a person resumed: the mark comes first, right after a line that may have been cut off."""
+    from mocca_robot.plan.journal import utc_now
+    from mocca_robot.plan.status import ExecutionEvent
+
+    journal.append(ExecutionEvent(utc_now(), "resumed"))
+    if resolution is not None and record.unfinished is not None:
+        part = plan.steps[record.unfinished].part
+        journal.append(ExecutionEvent(utc_now(), f"resolved_{resolution[1]}", record.unfinished, part))
+
+
+def _report(as_json: bool, values: dict[str, Any]) -> int:
+    if as_json:
+        print(json.dumps(values))
+    else:
+        where = f" at step {values['step']} ({values.get('part')})" if values.get("step") is not None else ""
+        print(f"{values['status']}{where}: {values.get('detail', '')}".rstrip(": "))
+        if values["status"] != "succeeded":
+            seen = values.get("stop_observed")
+            print(
+                f"standstill measured: {'yes' if seen else 'not needed' if seen is None else 'NO: look at the robot'}"
+            )
+        if values.get("journal"):
+            print(f"journal: {values['journal']}")
+    return positive_if(values["status"] == "succeeded")
+
+
+def _say(event: ExecutionEvent) -> None:
+    where = " ".join(str(v) for v in (event.part, event.kind) if v is not None)
+    print(f"{event.time_utc}  {event.event:15s} {where:20s} {event.status or ''} {event.detail}".rstrip(), flush=True)
+
+
+def _silent(event: ExecutionEvent) -> None:
+    """Print nothing: the JSON document at the end says it all."""
+
+
+def export_urscript(plan_file: Path, output: Path, design: Path | None = None) -> Path:
+    """Write `plan_file` as a stand-alone URScript program and return where; InputError when the plan is not sound."""
+    from mocca_robot.files.output import write_atomic
+    from mocca_robot.plan.reader import read_plan
+    from mocca_robot.ur.urscript import urscript
+
+    text = urscript(read_plan(plan_file, design))
+    return write_atomic(output, text)

@@ -1,0 +1,159 @@
+"""What `check` finds out about an assembly as it is, in words and as JSON."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly, Interlocking
+from mocca_robot.cli import reasons
+from mocca_robot.cli.reasons import Finding
+from mocca_robot.config.config import Config
+from mocca_robot.contacts.contact import Contact, ContactReport
+from mocca_robot.motion.insertion import insertion_verdicts
+from mocca_robot.report.markup import plural
+from mocca_robot.statics.cases import CaseVerdict, critical_tilts, solve_case
+from mocca_robot.statics.loads import load_cases, state_cases, tilt_azimuths
+from mocca_robot.statics.mobility import Mobility, mobility
+from mocca_robot.verdicts.verification import Verification, part_overlap
+
+
+@dataclass(frozen=True, eq=False)
+class Checkup:
+    """An assembly as it is.
+
+    Attributes:
+        assembly, report: the input and its contacts.
+        friction: Coulomb coefficient of every verdict here.
+        verification: the cases that the goals ask for, and every part's way in.
+        states: every intermediate assembly.
+        azimuths, tilts: radians; the critical tilt towards each azimuth.
+        key: part that is held for interlocking, if any.
+        key_mobility: what can move while the key is held.
+        mobility: what can move in the finished structure.
+        findings: negative verdicts.
+    """
+
+    assembly: Assembly
+    report: ContactReport
+    friction: float
+    verification: Verification
+    states: tuple[CaseVerdict, ...]
+    azimuths: Array
+    tilts: tuple[float, ...]
+    key: str | None
+    key_mobility: Mobility | None
+    mobility: Mobility
+    findings: tuple[Finding, ...]
+
+
+def checkup(config: Config, report: ContactReport, key: str | None, azimuths: int) -> Checkup:
+    """Return everything that statics says about the configuration's assembly with its contacts as they are."""
+    assembly, contacts, friction = config.assembly, report.contacts, config.friction
+    keys = [g.key for g in assembly.goals if isinstance(g, Interlocking)]
+    goals = assembly.goals if key is None or key in keys else (*assembly.goals, Interlocking(key))
+    key = key or next(iter(keys), None)
+    cases = tuple(solve_case(assembly, contacts, case, friction) for case in load_cases(assembly, goals))
+    ways = dict(config.insertion)
+    verification = Verification(contacts, cases, insertion_verdicts(assembly, contacts, ways), part_overlap(assembly))
+    states = tuple(solve_case(assembly, contacts, case, friction) for case in state_cases(assembly))
+    angles = tilt_azimuths(assembly.dimension, azimuths)
+    tilts = critical_tilts(assembly, contacts, angles, friction)
+    held = _held(assembly, contacts, key)
+    anything = mobility(assembly, contacts)
+    findings = reasons.statics_findings(assembly, verification)
+    if key is not None and held is not None and not held.locked and not any(f.case == "interlocking" for f in findings):
+        text = f"Does not interlock: with '{key}' held, {reasons.quoted(held.moving)} can still move."
+        findings.append(Finding("loose", text, held.moving, "interlocking"))
+    if anything.locked:
+        findings.append(reasons.deadlock_finding(assembly))
+    return Checkup(
+        assembly, report, friction, verification, states, angles, tilts, key, held, anything, tuple(findings)
+    )
+
+
+def _held(assembly: Assembly, contacts: tuple[Contact, ...], key: str | None) -> Mobility | None:
+    """Return what moves while the interlocking load case holds what it holds: the key and the fixed parts."""
+    if key is None:
+        return None
+    (case,) = load_cases(assembly, (Interlocking(key),))
+    return mobility(assembly, contacts, case.held)
+
+
+def lines(found: Checkup, built: bool = False) -> list[str]:
+    """Return the check-up as text, one verdict a line, the evidence last.
+
+    The flat contacts of an input bound what any joint could offer; those of a `built` design are joints already.
+    """
+    assembly, contacts = found.assembly, found.report.contacts
+    fixed = reasons.quoted([p.name for p in assembly.parts if p.fixed])
+    mass = sum(p.mass for p in assembly.parts)
+    out = [
+        f"{assembly.name}: {assembly.dimension}D, {len(assembly.parts)} parts, {mass:.3g} kg, "
+        f"{assembly.size:.3g} m in size; fixed: {fixed}",
+        f"contacts: {len(contacts)} between {plural(len({c.parts for c in contacts}), 'pair')}",
+    ]
+    for miss in found.report.near_misses:
+        a, b = miss.parts
+        out.append(
+            f"near miss: '{a}' and '{b}' are {miss.gap_m * 1e3:.3g} mm apart; close the gap if they should touch"
+        )
+    friction = f", friction {found.friction:g}" if found.friction else ", no friction"
+    for state in found.states:
+        verdict = "stands" if state.result.stands else f"falls: {reasons.quoted(state.moving)} would move"
+        if state.result.status == "inaccurate":
+            verdict = "not decided, the solver was inaccurate"
+        name = state.case.name.removeprefix("state_")
+        out.append(f"after '{name}': {verdict} (E/|w|² = {state.result.infeasibility:.2g}{friction})")
+    tilts = ", ".join(f"{_azimuth(assembly, a)} {np.rad2deg(t):.2f}°" for a, t in zip(found.azimuths, found.tilts))
+    out.append(f"critical tilt: {tilts}")
+    if found.key is not None and found.key_mobility is not None:
+        loose = found.key_mobility
+        says = "everything interlocks" if loose.locked else f"{reasons.quoted(loose.moving)} can move"
+        out.append(f"with '{found.key}' held: {says}")
+    for way in found.verification.insertions:
+        by = f"; in its way: {reasons.quoted(way.blockers)}" if way.blockers else ""
+        room = f"goes in from ±{reasons.degrees(way.alpha_rad)}"
+        room += "" if built else ", the most that any joint could offer it that way"
+        if way.alpha_rad < 0:
+            room = "has no direction to go in" + ("" if built else ", and no joint could open one")
+        out.append(f"'{way.part}' {room}{by}")
+    supports = reasons.supports(assembly, found.states)
+    if supports:
+        out.append(f"needs support after placing {reasons.quoted(supports, 20)}")
+    out += [f"✗ {f.text}" for f in found.findings] or ["✓ every verdict is positive"]
+    return out
+
+
+def document(found: Checkup) -> dict[str, Any]:
+    """Return the check-up for JSON."""
+    return {
+        "name": found.assembly.name,
+        "dimension": found.assembly.dimension,
+        "parts": [{"name": p.name, "fixed": p.fixed, "mass_kg": p.mass} for p in found.assembly.parts],
+        "contacts": len(found.report.contacts),
+        "near_misses": [{"parts": list(m.parts), "gap_m": m.gap_m} for m in found.report.near_misses],
+        "friction": found.friction,
+        "cases": reasons.cases_data(found.verification.cases),
+        "states": reasons.cases_data(found.states),
+        "needs_support": list(reasons.supports(found.assembly, found.states)),
+        "tilt": [
+            {"azimuth_deg": float(np.rad2deg(a)), "critical_deg": float(np.rad2deg(t))}
+            for a, t in zip(found.azimuths, found.tilts)
+        ],
+        "key": found.key,
+        "interlocks": None if found.key_mobility is None else found.key_mobility.locked,
+        "deadlock": found.mobility.locked,
+        "insertions": reasons.insertions_data(found.verification.insertions),
+        "part_overlap": found.verification.part_overlap,
+        "findings": reasons.findings_data(found.findings),
+    }
+
+
+def _azimuth(assembly: Assembly, azimuth_rad: float) -> str:
+    if assembly.dimension == 2:
+        return "right" if np.cos(azimuth_rad) >= 0 else "left"
+    return f"{np.rad2deg(azimuth_rad):.0f}°:"

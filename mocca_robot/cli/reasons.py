@@ -1,0 +1,163 @@
+"""Verdicts in words: what does not hold, which parts move or block, and what a user can do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mocca_robot.assembly import Assembly, SupportFree
+from mocca_robot.motion.insertion import InsertionVerdict
+from mocca_robot.report.summary import case_words
+from mocca_robot.statics.cases import CaseVerdict, moving_parts
+from mocca_robot.verdicts.verification import Verification
+
+if TYPE_CHECKING:
+    from planners.cone_joints.designer import Designed
+
+OVERLAP = {2: 1e-9, 3: 1e-6}
+"""Largest overlap of two parts as a share of the smaller one: rounding, not penetration."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A negative verdict.
+
+    Attributes:
+        kind: 'falls', 'inaccurate', 'blocked', 'overlap', 'impossible', 'narrow', 'deadlock', 'loose',
+            'disagreement', 'jams', 'not_written'.
+        text: the evidence for people, one or two sentences.
+        parts: names of the parts concerned.
+        case: load case or state, when there is one.
+    """
+
+    kind: str
+    text: str
+    parts: tuple[str, ...] = ()
+    case: str | None = None
+
+
+def quoted(names: Sequence[str], limit: int = 6) -> str:
+    """Return names in quotes, at most `limit`, and how many more."""
+    more = f" and {len(names) - limit} more" if len(names) > limit else ""
+    return ", ".join(f"'{n}'" for n in names[:limit]) + more
+
+
+def degrees(angle_rad: float) -> str:
+    """Return an angle as '12.3°'."""
+    return f"{np.rad2deg(angle_rad):.1f}°"
+
+
+def statics_findings(assembly: Assembly, verification: Verification, remedy: str = "") -> list[Finding]:
+    """Return what statics and geometry hold against an assembly."""
+    found = [f for case in verification.cases if (f := case_finding(case, remedy)) is not None]
+    found += [insertion_finding(i) for i in verification.insertions if not i.assemblable]
+    return found
+
+
+def overlap_findings(assembly: Assembly, verification: Verification) -> list[Finding]:
+    """Return that built parts penetrate each other. Input may do so within the tolerance of contacts."""
+    limit = OVERLAP[assembly.dimension]
+    if verification.part_overlap <= limit:
+        return []
+    share = verification.part_overlap
+    return [Finding("overlap", f"Built parts overlap by {share:.2g} of the smaller one; {limit:g} is allowed.")]
+
+
+def case_finding(verdict: CaseVerdict, remedy: str = "") -> Finding | None:
+    """Return why a load case does not hold; None when it does."""
+    if verdict.result.stands:
+        return None
+    name, words = verdict.case.name, case_words(verdict.case.name)
+    if verdict.result.status == "inaccurate":
+        text = f"Not decided ({words}): the solver's residual {verdict.result.kkt:.1g} is too large for a verdict."
+        return Finding("inaccurate", text, (), name)
+    text = (
+        f"Does not stand ({words}): {quoted(verdict.moving)} would move, "
+        f"E/|w|² = {verdict.result.infeasibility:.2g}.{f' {remedy}' if remedy else ''}"
+    )
+    return Finding("falls", text, verdict.moving, name)
+
+
+def insertion_finding(verdict: InsertionVerdict) -> Finding:
+    """Return why a part cannot be inserted as asked."""
+    by = f" by {quoted(verdict.blockers)}" if verdict.blockers else ""
+    asked = "" if verdict.required_rad is None else f" within ±{degrees(verdict.required_rad)}"
+    if verdict.alpha_rad <= -1e-9:
+        why = f"it is enclosed{by}; no direction is free. Place it earlier in the sequence"
+    elif verdict.collides:
+        why = f"on its way it is hit{by}. Change the sequence, or its insertion direction"
+    else:
+        why = f"its way is narrowed to ±{degrees(max(verdict.alpha_rad, 0.0))}{by}"
+    return Finding("blocked", f"'{verdict.part}' cannot be inserted{asked}: {why}.", (verdict.part, *verdict.blockers))
+
+
+def deadlock_finding(assembly: Assembly) -> Finding:
+    """Return that nothing can move."""
+    text = "Deadlock: no part can move at all, so the structure can be neither assembled nor taken apart."
+    return Finding("deadlock", text, tuple(p.name for p in assembly.parts if not p.fixed))
+
+
+def design_findings(assembly: Assembly, designed: Designed) -> list[Finding]:
+    """Return the certificates of a design run: what no joint within the bounds can do, with remedies."""
+    found = []
+    if designed.impossible is not None:
+        case, proof = designed.impossible
+        moving = moving_parts(assembly, proof.motions)
+        text = (
+            f"No joint within the bounds holds this load case ({case_words(case)}): even if every point of every "
+            f"contact could push in every allowed direction, {quoted(moving)} would move, E/|w|² = "
+            f"{proof.infeasibility:.2g}. Steeper or higher joints (joints.max_slope_deg, joints.max_height) or another "
+            "cut may help; α plays no part in it."
+        )
+        found.append(Finding("impossible", text, moving, case))
+    for part in designed.narrow:
+        room = f"at most ±{degrees(part.alpha_rad)}" if part.alpha_rad >= 0 else "no free direction"
+        text = (
+            f"'{part.part}' cannot get its cone of ±{degrees(part.required_rad)}: its flat contacts with "
+            f"{quoted(part.blockers)} leave {room}, and no joint can widen that. Place it earlier in the sequence, cut "
+            "those contacts at another angle, or ask for a smaller alpha_deg."
+        )
+        found.append(Finding("narrow", text, (part.part, *part.blockers)))
+    return found
+
+
+def supports(assembly: Assembly, states: Sequence[CaseVerdict]) -> tuple[str, ...]:
+    """Return the parts after whose placing the assembly needs support; empty where the goals forbid that anyway."""
+    if any(isinstance(g, SupportFree) for g in assembly.goals):
+        return ()
+    return tuple(s.case.name.removeprefix("state_") for s in states[:-1] if not s.result.stands)
+
+
+def cases_data(cases: Sequence[CaseVerdict]) -> list[dict[str, Any]]:
+    """Return load cases for JSON."""
+    return [
+        {
+            "case": c.case.name,
+            "status": str(c.result.status),
+            "infeasibility": c.result.infeasibility,
+            "moving": list(c.moving),
+        }
+        for c in cases
+    ]
+
+
+def insertions_data(verdicts: Sequence[InsertionVerdict]) -> list[dict[str, Any]]:
+    """Return insertions for JSON, in degrees."""
+    return [
+        {
+            "part": i.part,
+            "alpha_deg": float(np.rad2deg(i.alpha_rad)),
+            "required_deg": None if i.required_rad is None else float(np.rad2deg(i.required_rad)),
+            "assemblable": i.assemblable,
+            "blockers": list(i.blockers),
+        }
+        for i in verdicts
+    ]
+
+
+def findings_data(findings: Sequence[Finding]) -> list[dict[str, Any]]:
+    """Return findings for JSON."""
+    return [asdict(f) for f in findings]

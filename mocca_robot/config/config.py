@@ -1,0 +1,284 @@
+"""A configuration, or any file that holds parts → Config: everything a run needs, checked, in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly, Interlocking, Part, Polygon
+from mocca_robot.config import schema
+from mocca_robot.config.keys import options, read_section, section
+from mocca_robot.config.model import Model, generated, read_model
+from mocca_robot.config.schema import SimulationOptions
+from mocca_robot.errors import InputError
+from mocca_robot.fabrication.options import CutOptions
+from mocca_robot.files import fields
+from mocca_robot.files.assembly_json import gravity_from_data, in_sequence
+from mocca_robot.files.documents import MAX_YAML_BYTES, existing_path, parse_yaml, read_text, yaml_key_lines
+from mocca_robot.files.goals import goals_from_data
+from mocca_robot.files.versions import CONFIG
+from mocca_robot.joints.options import JointOptions
+
+__all__ = ["Config", "CutOptions", "EffectiveValue", "JointOptions", "SimulationOptions", "load"]
+
+PLAUSIBLE_SIZE_M = (0.005, 500.0)
+"""Assemblies outside are more often a wrong unit than a real structure; they get a note."""
+
+
+@dataclass(frozen=True)
+class EffectiveValue:
+    """A key, the value as it was written (or its default), and who says so.
+
+    `origin` is 'argument', 'configuration', 'model' or 'default'; `line` that of the configuration, from 1. Keys of
+    single parts are there where somebody set them: 'parts.NAME.density'.
+    """
+
+    key: str
+    value: Any
+    origin: str
+    line: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Config:
+    """Everything a run needs.
+
+    Attributes:
+        assembly: parts in assembly order, goals, α and gravity. From a design.json: the built geometry.
+        source: the file that was loaded.
+        unit: unit in which to speak to the user about lengths.
+        unit_m: metres per `unit`.
+        friction: Coulomb coefficient for analysis.
+        insertion: insertion directions (d,), unit, by part: the user's, or a design's.
+        joints: bounds for the designer.
+        simulate: settings of the physics.
+        cut: settings of the cutting drawings.
+        notes: what a user should know about the input: repairs, elements left out, an implausible size.
+        values: every key with its effective value and origin.
+    """
+
+    assembly: Assembly
+    source: Path
+    unit: str
+    unit_m: float
+    friction: float
+    insertion: Mapping[str, Array]
+    joints: JointOptions
+    simulate: SimulationOptions
+    cut: CutOptions
+    notes: tuple[str, ...]
+    values: tuple[EffectiveValue, ...]
+
+
+def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config:
+    """Return the configuration in a YAML file, or the defaults for any file that holds parts.
+
+    `path` is a .yaml configuration, an assembly or design .json, an .svg, a mesh file, or a folder of meshes or
+    of a design. `arguments` are further keys of the configuration that win over the file's, such as
+    `{"alpha_deg": 10}`.
+
+    Raises InputError for everything that cannot be used, naming file, key or part, value, limit and remedy.
+    """
+    path = Path(path)
+    where = f"'{path}'"
+    data: dict[str, Any] = {}
+    lines: dict[tuple[str, ...], int] = {}
+    said: tuple[str, ...] = ()
+    if path.suffix.lower() in (".yaml", ".yml"):
+        text = read_text(path, MAX_YAML_BYTES)
+        content = parse_yaml(text, where)
+        lines = yaml_key_lines(text)
+        if content is None:
+            raise InputError(f"{where} holds nothing but comments; it needs at least 'model: FILE'.")
+        data, said = CONFIG.current(fields.mapping(content, where), where)
+    else:
+        existing_path(path)
+        data = {"model": path.name or "."}
+    written = {**data, **(arguments or {})}
+    for key, value in (arguments or {}).items():
+        if isinstance(value, Mapping) and isinstance(data.get(key), Mapping):
+            written[key] = {**data[key], **value}  # one key of a section leaves the others alone
+    folder = path.parent
+    given = _top_level(written, where, 1.0)
+    if not path.name:
+        folder = path
+    model = _model(given, written, folder, where)
+    unit = given.get("units") or model.unit
+    unit_m = fields.UNITS_M[unit] if "units" in given else model.unit_m
+    given = _top_level(written, where, unit_m)
+    assembly = _assembly(model, given, where, unit_m)
+    simulate = read_section(schema.KEYS, given.get("simulate", {}), "simulate", where, unit_m)
+    simulate.setdefault("friction", given.get("friction", 0.0))
+    joints = read_section(schema.KEYS, given.get("joints", {}), "joints", where, unit_m)
+    cut = read_section(schema.KEYS, given.get("cut", {}), "cut", where, unit_m)
+    return Config(
+        assembly=assembly,
+        source=path,
+        unit=unit,
+        unit_m=unit_m,
+        friction=given.get("friction", 0.0),
+        insertion=_insertion(model, given.get("insertion", {}), assembly, f"{where}: insertion"),
+        joints=options(JointOptions, joints),
+        simulate=options(SimulationOptions, simulate),
+        cut=options(CutOptions, cut),
+        notes=said + model.notes + _suspicions(assembly),
+        values=_effective(data, lines, arguments or {}, model),
+    )
+
+
+def _top_level(written: Mapping[str, Any], where: str, unit_m: float) -> dict[str, Any]:
+    """Return the top-level values; a key that is there but empty counts as absent, except alpha_deg: null."""
+    return read_section(
+        schema.KEYS,
+        {k: v for k, v in written.items() if v is not None or k == "alpha_deg" or k not in section(schema.KEYS, "")},
+        "",
+        where,
+        unit_m,
+    )
+
+
+def _model(given: Mapping[str, Any], written: Mapping[str, Any], folder: Path, where: str) -> Model:
+    units, scale = given.get("units"), given.get("scale")
+    if "model" in given and "generator" in given:
+        raise InputError(f"{where} has both 'model' and 'generator'; keep the one that makes the parts.")
+    if "generator" in given:
+        if units not in (None, "m"):
+            raise InputError(f"{where}: generators work in metres, but units is '{units}'; remove 'units'.")
+        return generated(given["generator"], folder, 1.0 if scale is None else scale, f"{where}: generator")
+    if "model" not in given:
+        raise InputError(f"{where} names no parts; add 'model: FILE' or 'generator: {{kind: …}}'.")
+    target = folder / given["model"]
+    if target.suffix.lower() in (".yaml", ".yml"):
+        raise InputError(f"{where}: model is the configuration '{written['model']}'; name a file that holds parts.")
+    return read_model(target, units, scale)
+
+
+def _assembly(model: Model, given: Mapping[str, Any], where: str, unit_m: float) -> Assembly:
+    assembly = model.assembly
+    parts = _parts(assembly.parts, given, where, unit_m)
+    if "sequence" in given:
+        parts = in_sequence(parts, given["sequence"], f"{where}: sequence")
+    _require_fixed(parts, where)
+    _require_usable_size(parts, where)
+    changes: dict[str, Any] = {"parts": parts}
+    if "name" in given:
+        changes["name"] = given["name"]
+    if "goal" in given:
+        changes["goals"] = goals_from_data(given["goal"], f"{where}: goal")
+    if "alpha_deg" in given:
+        changes["alpha_rad"] = given["alpha_deg"]
+    if "gravity" in given:
+        changes["gravity"] = gravity_from_data(given["gravity"], assembly.dimension, f"{where}: gravity")
+    for goal in changes.get("goals", assembly.goals):
+        if isinstance(goal, Interlocking):
+            fields.known_name(goal.key, [p.name for p in parts], f"{where}: goal: key")
+    return replace(assembly, **changes)
+
+
+def _parts(parts: tuple[Part, ...], given: Mapping[str, Any], where: str, unit_m: float) -> tuple[Part, ...]:
+    """Return `parts` with what the configuration says about all of them and about single ones."""
+    known = [p.name for p in parts]
+    for name in given.get("fixed", ()):
+        fields.known_name(name, known, f"{where}: fixed")
+    single: dict[str, dict[str, Any]] = {}
+    for key, data in given.get("parts", {}).items():
+        name = fields.known_name(fields.part_name(key, f"{where}: parts"), known, f"{where}: parts")
+        single[name] = read_section(schema.KEYS, data, "parts.NAME", f"{where}: part '{name}'", unit_m)
+    found = []
+    for part in parts:
+        mine = single.get(part.name, {})
+        fixed = part.name in given["fixed"] if "fixed" in given else part.fixed
+        shape = part.shape
+        thickness = mine.get("thickness", given.get("thickness"))
+        if thickness is not None:
+            if not isinstance(shape, Polygon):
+                raise InputError(f"{where}: thickness belongs to flat parts, but '{part.name}' is solid; remove it.")
+            shape = Polygon(shape.exterior, shape.holes, thickness)
+        density = mine.get("density", given.get("density", part.density))
+        found.append(Part(part.name, shape, density, mine.get("fixed", fixed)))
+    return tuple(found)
+
+
+def _require_fixed(parts: tuple[Part, ...], where: str) -> None:
+    if all(p.fixed for p in parts):
+        raise InputError(
+            f"{where}: every part is fixed; leave at least one free to be assembled "
+            "(`fixed: [NAME, …]` says which stand on the ground; rods of a frame that reach its lowest nodes do)."
+        )
+    if any(p.fixed for p in parts):
+        return
+    lowest = np.array([p.shape.bounds[0, -1] for p in parts])
+    highest = max(float(p.shape.bounds[1, -1]) for p in parts)
+    ground = lowest.min()
+    down = [p.name for p, low in zip(parts, lowest) if low <= ground + 1e-3 * (highest - ground)][:8]
+    raise InputError(
+        f"{where}: no part is fixed; say which ones stand on the ground. The lowest: fixed: [{', '.join(down)}]."
+    )
+
+
+def _require_usable_size(parts: tuple[Part, ...], where: str) -> None:
+    bounds = np.array([p.shape.bounds for p in parts])
+    size = float(np.linalg.norm(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)))
+    if not 1e-6 < size < 1e6 or np.abs(bounds).max() > 1e4 * size:
+        raise InputError(
+            f"{where}: the assembly is {size:.3g} m in size, {np.abs(bounds).max():.3g} m from the origin; it must be "
+            "between a micrometre and 1000 km, and no further away than 10000 times its size. Check units and scale."
+        )
+
+
+def _suspicions(assembly: Assembly) -> tuple[str, ...]:
+    """Return notes on numbers that are more often a mistake than meant."""
+    low, high = PLAUSIBLE_SIZE_M
+    found = []
+    if not low <= assembly.size <= high:
+        found.append(f"The assembly is {assembly.size:.3g} m in size; is its unit right? ('units', 'scale')")
+    for part in assembly.parts:
+        if isinstance(part.shape, Polygon) and not 1e-4 <= part.shape.thickness <= 10.0:
+            found.append(
+                f"Part '{part.name}' is {part.shape.thickness:.3g} m thick; is that meant? (thickness is in 'units')"
+            )
+            break
+    return tuple(found)
+
+
+def _insertion(model: Model, data: Mapping[str, Any], assembly: Assembly, where: str) -> dict[str, Array]:
+    """Return unit insertion directions by part: the model's, replaced by those of the configuration."""
+    found = dict(model.insertion)
+    for key, value in data.items():
+        name = fields.known_name(fields.part_name(key, where), assembly.sequence, where)
+        if assembly.parts[assembly.index(name)].fixed:
+            raise InputError(f"{where} has a direction for '{name}', which is fixed and never inserted; remove it.")
+        found[name] = fields.direction(value, f"{where}.{name}", (assembly.dimension,))
+    return found
+
+
+def _effective(
+    data: Mapping[str, Any], lines: Mapping[tuple[str, ...], int], arguments: Mapping[str, Any], model: Model
+) -> tuple[EffectiveValue, ...]:
+    found = []
+    written = (("argument", arguments), ("configuration", data))
+    for key in schema.KEYS:
+        path = tuple(key.name.split("."))
+        if "NAME" in path or (key.kind == "mapping" and any(k.name.startswith(f"{key.name}.") for k in schema.KEYS)):
+            continue
+        for origin, values in written:
+            inside = values.get(path[0]) if len(path) > 1 else values
+            if isinstance(inside, Mapping) and path[-1] in inside:
+                line = lines.get(path) if origin == "configuration" else None
+                found.append(EffectiveValue(key.name, inside[path[-1]], origin, line))
+                break
+        else:
+            found.append(EffectiveValue(key.name, key.default, "model" if key.name in model.given else "default"))
+    for origin, values in written:
+        single = values.get("parts")
+        replaced = arguments.get("parts", {}) if origin == "configuration" else {}
+        for name, settings in single.items() if isinstance(single, Mapping) else ():
+            for last, value in settings.items() if name not in replaced else ():
+                line = lines.get(("parts", str(name), last)) if origin == "configuration" else None
+                found.append(EffectiveValue(f"parts.{name}.{last}", value, origin, line))
+    return tuple(found)

@@ -1,0 +1,162 @@
+"""Whatever holds parts → an Assembly: one place that knows which file format is which."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly, Mesh, Part, Polygon, Shape
+from mocca_robot.config.schema import GENERATORS, MODEL_FILES
+from mocca_robot.errors import InputError, nearest
+from mocca_robot.files import assembly_json, compas_read, design_json, fields
+from mocca_robot.files.documents import existing_path, parse_json, read_text
+from mocca_robot.files.versions import ASSEMBLY, DESIGN
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Parts as they came, before a configuration adds what it knows.
+
+    Attributes:
+        assembly: in metres; possibly without a fixed part.
+        unit_m: metres per unit of the model's numbers: the default unit of lengths in the configuration.
+        unit: its name.
+        given: which of 'sequence', 'goal', 'alpha_deg', 'gravity', 'fixed' the model itself states.
+        insertion: insertion directions that the model states, by part.
+        notes: what was repaired or left out.
+    """
+
+    assembly: Assembly
+    unit_m: float
+    unit: str
+    given: frozenset[str] = frozenset()
+    insertion: Mapping[str, Array] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def read_model(path: Path, units: str | None, scale: float | None) -> Model:
+    """Return the parts in a drawing, an assembly or design file, a mesh file or a folder of meshes.
+
+    `units` is required where the file says none, and has to agree where it does. Meshes of a size that looks like a
+    wrong unit are refused unless somebody gave a `scale`, 1 included. Raises InputError.
+    """
+    existing_path(path)
+    meant = scale is not None
+    scale = 1.0 if scale is None else scale
+    suffix = path.suffix.lower().lstrip(".")
+    if path.is_dir():
+        design = path / "design.json"
+        return _from_json(design, units, scale) if design.is_file() else _from_meshes(path, units, scale, meant)
+    if suffix in ("svg", "dxf"):
+        return _from_drawing(path, units, scale)
+    if suffix == "json":
+        return _from_json(path, units, scale)
+    if suffix in MODEL_FILES:
+        return _from_meshes(path, units, scale, meant)
+    known = ", ".join(f".{m}" for m in MODEL_FILES)
+    raise InputError(f"'{path}' ends in '.{suffix}', which is no model; use one of {known}, or a folder of meshes.")
+
+
+def generated(data: Mapping[str, Any], folder: Path, scale: float, where: str) -> Model:
+    """Return the assembly that a generator makes from `data`: its 'kind' and its parameters, in metres."""
+    if "kind" not in data:
+        raise InputError(f"{where} has no 'kind'; it is one of {', '.join(GENERATORS)}.")
+    kind = fields.choice(data["kind"], GENERATORS, f"{where}.kind")
+    try:
+        from mocca_robot.generators import generate
+    except ImportError as error:
+        raise InputError(f"{where}: the generators cannot be loaded ({error}); install mocca-robot again.") from None
+    parameters = {k: v for k, v in data.items() if k != "kind"}
+    try:
+        assembly = generate(kind, parameters, folder)
+    except (OSError, ArithmeticError, UnicodeError, TypeError, ValueError) as error:
+        raise InputError(f"{where}: '{kind}' cannot be made from these parameters: {error}.") from None
+    return Model(scaled(assembly, scale), 1.0, "m", frozenset({"sequence", "fixed"}))
+
+
+def scaled(assembly: Assembly, factor: float) -> Assembly:
+    """Return `assembly` with every coordinate times `factor`; thicknesses stay."""
+    if factor == 1.0:
+        return assembly
+    return assembly.with_shapes([_scaled(p.shape, factor) for p in assembly.parts])
+
+
+def _scaled(shape: Shape, factor: float) -> Shape:
+    if isinstance(shape, Polygon):
+        return Polygon(shape.exterior * factor, tuple(h * factor for h in shape.holes), shape.thickness)
+    return Mesh(shape.vertices * factor, shape.faces)
+
+
+def _from_drawing(path: Path, units: str | None, scale: float) -> Model:
+    from mocca_robot.files.dxf import read_dxf
+    from mocca_robot.files.svg import read_svg
+
+    drawing = (read_dxf if path.suffix.lower() == ".dxf" else read_svg)(path, units, scale)
+    parts = tuple(Part(name, polygon) for name, polygon in drawing.parts)
+    # Lengths in a configuration are real ones: a drawing that scales freely speaks millimetres.
+    unit = drawing.unit if drawing.unit in fields.UNITS_M else "mm"
+    return Model(Assembly(path.stem, parts), fields.UNITS_M[unit], unit, notes=drawing.notes)
+
+
+def _from_json(path: Path, units: str | None, scale: float) -> Model:
+    where = f"'{path}'"
+    content = parse_json(read_text(path), where)
+    if compas_read.is_compas(content):
+        return _from_compas(content, path, units, scale)
+    data = fields.mapping(content, where)
+    found = data.get("format")
+    if found == DESIGN.name:
+        design = design_json.read_design(path)
+        _require_same_unit(where, str(data["units"]), units)
+        given = {"sequence", "gravity", "fixed", "alpha_deg"} | ({"goal"} if design.source else set())
+        insertion = {i.part: i.direction for i in design.insertion}
+        return Model(scaled(design.assembly, scale), 1.0, "m", frozenset(given), insertion, design.notes)
+    if found == ASSEMBLY.name:
+        file = assembly_json.read_assembly(path)
+        _require_same_unit(where, file.unit, units)
+        return Model(scaled(file.assembly, scale), fields.UNITS_M[file.unit], file.unit, file.given, notes=file.notes)
+    if found is None:
+        raise InputError(
+            f'{where} has no "format"; an assembly begins with "format": "{ASSEMBLY.name}" (or, written by '
+            'COMPAS, has a "dtype").'
+        )
+    raise InputError(
+        f'{where} has "format": {fields.shown(found)}, which holds no parts; '
+        f"{nearest(str(found)[:60], (ASSEMBLY.name, DESIGN.name))}"
+    )
+
+
+def _from_compas(content: object, path: Path, units: str | None, scale: float) -> Model:
+    unit = units or "m"
+    where = f"'{path}'"
+    assembly, notes = compas_read.assembly_from_compas(content, path.stem, where, fields.UNITS_M[unit])
+    if units is None:
+        notes = (*notes, f"{where}: COMPAS files carry no unit; read as metres ('units' says otherwise)")
+    given = {"sequence"} | ({"fixed"} if any(p.fixed for p in assembly.parts) else set())
+    return Model(scaled(assembly, scale), fields.UNITS_M[unit], unit, frozenset(given), notes=notes)
+
+
+def _require_same_unit(where: str, unit: str, declared: str | None) -> None:
+    if declared is not None and declared != unit:
+        raise InputError(f"{where} is in {unit}, but the configuration says units: {declared}; remove one of the two.")
+
+
+def _from_meshes(path: Path, units: str | None, scale: float, any_size: bool) -> Model:
+    from mocca_robot.files.meshes import read_parts
+
+    try:
+        meshes = read_parts(path, units, any_size=any_size)
+    except (OSError, UnicodeError, RecursionError, MemoryError, np.linalg.LinAlgError) as error:
+        raise InputError(f"'{path}' cannot be read: {error}; export it again.") from None
+    parts = tuple(Part(m.name, m.mesh) for m in meshes)
+    if not parts:
+        raise InputError(f"'{path}' holds no part; export one object per part.")
+    unit = units or "m"
+    notes = tuple(f"part '{m.name}': {note}" for m in meshes for note in m.notes)
+    model = scaled(Assembly(path.stem, parts), scale)
+    return Model(replace(model, parts=model.parts), fields.UNITS_M.get(unit, 1.0), unit, notes=notes)

@@ -1,0 +1,250 @@
+"""Every key of a configuration: its kind, default, unit, limits and meaning. Reading and documentation both use it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mocca_robot.assembly import DEFAULT_DENSITY, DEFAULT_THICKNESS, STANDARD_GRAVITY
+from mocca_robot.config.keys import Key
+from mocca_robot.fabrication.options import CutOptions
+from mocca_robot.files import fields as checks
+from mocca_robot.joints.options import JointOptions
+
+JOINT_KINDS = ("n", "z")
+GENERATORS = ("shell", "frame", "stack", "wall", "arch", "dome")
+MODEL_FILES = ("svg", "dxf", "json", "obj", "stl", "ply", "3mf", "glb")
+
+
+@dataclass(frozen=True)
+class SimulationOptions:
+    """How physics looks at a design.
+
+    Attributes:
+        friction: Coulomb coefficient between parts.
+        azimuths: directions of the tilt table, spread evenly (2D knows left and right only).
+        directions: insertion directions on the rim of a part's cone (2D: its two edges).
+        seed: of everything drawn at random.
+    """
+
+    friction: float = 0.0
+    azimuths: int = 8
+    directions: int = 8
+    seed: int = 0
+
+
+_J, _S, _C = JointOptions(), SimulationOptions(), CutOptions()
+
+
+def _degrees(angle_rad: float) -> float:
+    return round(float(np.rad2deg(angle_rad)), 9)
+
+
+KEYS: tuple[Key, ...] = (
+    Key("version", "integer", 1, "", "Version of the file's format; 1 need not be written.", low=1),
+    Key("name", "name", None, "", "Name of the assembly, used for files and reports; default: the file's name."),
+    Key(
+        "model",
+        "text",
+        None,
+        "",
+        "The parts: a file (.svg, .dxf, .json, .obj, .stl, .ply, .3mf, .glb) or a folder of meshes, relative to it.",
+    ),
+    Key(
+        "generator",
+        "mapping",
+        None,
+        "m",
+        f"Instead of `model`: `kind` ({', '.join(GENERATORS)}) and that generator's parameters, in metres and degrees.",
+    ),
+    Key(
+        "units",
+        "choice",
+        None,
+        "",
+        "Unit of the model's numbers and of the lengths in this file; default: what the model itself says.",
+        known=tuple(checks.UNITS_M),
+    ),
+    Key(
+        "scale",
+        "number",
+        1.0,
+        "",
+        "Factor on the model's size; 1, written down, also says that an unusual size is meant.",
+        above=0.0,
+        high=1e6,
+    ),
+    Key("fixed", "names", None, "", "Parts that stand on the ground; replaces what the model says."),
+    Key("sequence", "names", None, "", "Every free part in the order of assembly; default: the order of the model."),
+    Key(
+        "goal",
+        "goals",
+        "equilibrium",
+        "",
+        "What the design has to satisfy, one or a list of: `equilibrium`, `support_free`, "
+        "`{kind: lateral, angle_deg, azimuths}`, `{kind: interlocking, key: NAME}`.",
+    ),
+    Key(
+        "alpha_deg",
+        "degrees",
+        5.0,
+        "deg",
+        "Half-angle α of the cone of directions from which every part can be inserted; null = not asked for.",
+        low=0.0,
+        below=90.0,
+    ),
+    Key("density", "number", DEFAULT_DENSITY, "kg/m³", "Density of every part.", above=0.0, high=1e5),
+    Key("thickness", "length", f"{DEFAULT_THICKNESS * 1e3:g} mm", "units", "Depth of flat parts.", above=0.0),
+    Key("parts", "mapping", None, "", "Settings of single parts by name: `density`, `fixed`, `thickness`."),
+    Key("parts.NAME.density", "number", None, "kg/m³", "Density of this part.", above=0.0, high=1e5),
+    Key("parts.NAME.fixed", "boolean", None, "", "Whether this part stands on the ground."),
+    Key("parts.NAME.thickness", "length", None, "units", "Depth of this flat part.", above=0.0),
+    Key(
+        "gravity",
+        "vector",
+        STANDARD_GRAVITY,
+        "m/s²",
+        "Gravity: a magnitude that points down (−y in 2D, −z in 3D), or a vector.",
+    ),
+    Key(
+        "friction",
+        "number",
+        0.0,
+        "",
+        "Coulomb coefficient used for analysis and comparison; the design itself does not rely on friction.",
+        low=0.0,
+        high=10.0,
+    ),
+    Key(
+        "insertion",
+        "mapping",
+        None,
+        "",
+        "Insertion directions by part name, the way the part moves as it goes in: `{NAME: [dx, dy]}` or three numbers.",
+    ),
+    Key("joints", "mapping", None, "", "Bounds on the joints, see below."),
+    Key(
+        "joints.kinds",
+        "choices",
+        list(_J.kinds),
+        "",
+        "Families of joints that the designer may use; solids know only one bump per contact (n).",
+        known=JOINT_KINDS,
+    ),
+    Key(
+        "joints.max_slope_deg",
+        "degrees",
+        _degrees(_J.max_slope_rad),
+        "deg",
+        "Steepest angle between a joint and the contact that it replaces.",
+        above=0.0,
+        below=90.0,
+    ),
+    Key(
+        "joints.min_radius",
+        "length",
+        _J.min_radius,
+        "units",
+        "Smallest radius of curvature, that of the cutting tool.",
+        low=0.0,
+    ),
+    Key(
+        "joints.margin",
+        "number",
+        _J.margin,
+        "",
+        "Distance a joint keeps to the part's boundary and to other joints, as a share of its contact's length "
+        "(2D) or of the shorter side of its rectangle (3D).",
+        low=0.0,
+        below=0.5,
+    ),
+    Key(
+        "joints.min_distance",
+        "length",
+        _J.min_distance,
+        "units",
+        "The same as a length; the larger one counts.",
+        low=0.0,
+    ),
+    Key(
+        "joints.min_contact",
+        "length",
+        _J.min_contact,
+        "units",
+        "Contacts that are shorter (3D: whose area has a smaller square root) stay planar.",
+        low=0.0,
+    ),
+    Key(
+        "joints.max_height",
+        "number",
+        _J.max_height,
+        "",
+        "Largest height of a bump as a share of its contact's length (3D: shorter side).",
+        above=0.0,
+        high=2.0,
+    ),
+    Key(
+        "joints.piecewise_planar",
+        "boolean",
+        _J.piecewise_planar,
+        "",
+        "Flat flanks instead of curved ones, for saws and wires.",
+    ),
+    Key(
+        "joints.tilt_margin_deg",
+        "degrees",
+        _degrees(_J.tilt_margin_rad),
+        "deg",
+        "Tilt in every direction that each required state should survive beyond what the goals ask for.",
+        low=0.0,
+        high=45.0,
+    ),
+    Key(
+        "joints.inset",
+        "number",
+        _J.inset,
+        "",
+        "Share by which contacts are narrowed and joints flattened while designing, as a reserve.",
+        low=0.0,
+        below=0.5,
+    ),
+    Key(
+        "joints.alpha_margin_deg",
+        "degrees",
+        _degrees(_J.alpha_margin_rad),
+        "deg",
+        "Insertion cone asked for beyond `alpha_deg` while designing, as a reserve.",
+        low=0.0,
+        high=45.0,
+    ),
+    Key("simulate", "mapping", None, "", "Settings of the physics simulation, see below."),
+    Key(
+        "simulate.friction", "number", _S.friction, "", "Coulomb coefficient; default: `friction`.", low=0.0, high=10.0
+    ),
+    Key("simulate.azimuths", "integer", _S.azimuths, "", "Directions in which solids are tilted.", low=1, high=360),
+    Key(
+        "simulate.directions",
+        "integer",
+        _S.directions,
+        "",
+        "Directions on the rim of each part's cone from which a solid is inserted.",
+        low=1,
+        high=1000,
+    ),
+    Key("simulate.seed", "integer", _S.seed, "", "Seed of everything drawn at random.", low=0, high=2**31 - 1),
+    Key("cut", "mapping", None, "", "Settings of the drawings for cutting flat parts, see below."),
+    Key("cut.kerf", "length", _C.kerf * 1e3, "mm", "Width of the cut; outlines move outwards by half of it.", low=0.0),
+    Key(
+        "cut.clearance",
+        "length",
+        _C.clearance * 1e3,
+        "mm",
+        "Play between neighbours; every outline moves inwards by half of it.",
+        low=0.0,
+    ),
+    Key("cut.sheet_width", "length", _C.sheet_width * 1e3, "mm", "Width of the sheet.", above=0.0),
+    Key("cut.spacing", "length", _C.spacing * 1e3, "mm", "Distance between parts on the sheet.", low=0.0),
+    Key("cut.labels", "boolean", _C.labels, "", "Whether the parts' names are engraved."),
+)
+"""The table: one row per key, in the order of the documentation."""

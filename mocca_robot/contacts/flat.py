@@ -1,0 +1,114 @@
+"""Contacts between flat parts: where edges of two outlines run along each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from mocca_robot.arrays import Array, read_only
+from mocca_robot.assembly import Assembly, Polygon
+from mocca_robot.contacts.contact import Contact, ContactReport, NearMiss, Overlap
+from mocca_robot.geometry.polygons import to_shapely
+from mocca_robot.tolerances import Tolerances
+
+
+@dataclass(frozen=True, eq=False)
+class _Edges:
+    """All boundary edges of an assembly as arrays; the solid lies to the left of start → end."""
+
+    part: Array
+    start: Array
+    end: Array
+    direction: Array
+    length: Array
+
+    @classmethod
+    def of(cls, assembly: Assembly) -> _Edges:
+        part, start, end = [], [], []
+        for index, p in enumerate(assembly.parts):
+            assert isinstance(p.shape, Polygon)
+            for ring in p.shape.rings:
+                part.append(np.full(len(ring), index))
+                start.append(ring)
+                end.append(np.roll(ring, -1, axis=0))
+        starts, ends = np.concatenate(start), np.concatenate(end)
+        delta = ends - starts
+        length = np.linalg.norm(delta, axis=1)
+        return cls(np.concatenate(part), starts, ends, delta / np.maximum(length, 1e-300)[:, None], length)
+
+
+def find_contacts_2d(assembly: Assembly, tolerances: Tolerances) -> ContactReport:
+    size = assembly.size
+    gap, near = tolerances.contact_gap * size, tolerances.near_miss * size
+    edges = _Edges.of(assembly)
+    tree = shapely.STRtree(shapely.linestrings(np.stack([edges.start, edges.end], axis=1)))
+    a, b = tree.query(tree.geometries, predicate="dwithin", distance=near)
+    keep = edges.part[a] < edges.part[b]
+    a, b = a[keep], b[keep]
+    antiparallel = np.einsum("ij,ij->i", edges.direction[a], edges.direction[b])
+    a, b = a[antiparallel < -0.9], b[antiparallel < -0.9]
+
+    t = edges.direction[a]
+    outward = np.stack([t[:, 1], -t[:, 0]], axis=1)
+    relative_start, relative_end = edges.start[b] - edges.start[a], edges.end[b] - edges.start[a]
+    s0 = np.einsum("ij,ij->i", relative_end, t).clip(0.0, edges.length[a])
+    s1 = np.einsum("ij,ij->i", relative_start, t).clip(0.0, edges.length[a])
+    # Gap of b's line over the shared stretch, at both of its ends.
+    slope_length = np.einsum("ij,ij->i", relative_start - relative_end, t)
+    d_end = np.einsum("ij,ij->i", relative_end, outward)
+    d_start = np.einsum("ij,ij->i", relative_start, outward)
+    along_end = np.einsum("ij,ij->i", relative_end, t)
+    rate = (d_start - d_end) / np.where(np.abs(slope_length) > 0, slope_length, 1.0)
+    gap0, gap1 = d_end + rate * (s0 - along_end), d_end + rate * (s1 - along_end)
+    widest = np.maximum(np.abs(gap0), np.abs(gap1))
+    long_enough = s1 - s0 > tolerances.min_contact * size
+    touching = long_enough & (widest <= gap)
+
+    found: list[tuple[int, int, float, Array, Array]] = []
+    for e in np.flatnonzero(touching):
+        # An end of a shared stretch is always a corner of one of the two parts: take its exact coordinates.
+        p1 = edges.start[a[e]] if s0[e] <= gap else edges.end[b[e]]
+        p2 = edges.end[a[e]] if s1[e] >= edges.length[a[e]] - gap else edges.start[b[e]]
+        found.append((int(edges.part[a[e]]), int(edges.part[b[e]]), float(a[e]), np.stack([p1, p2]), outward[e]))
+    found.sort(key=lambda f: (f[0], f[1], f[2], float(f[3][0] @ t[0])))
+    contacts: list[Contact] = []
+    for i, j, _, segment, normal in found:
+        k = contacts[-1].k + 1 if contacts and contacts[-1].parts == (i, j) else 0
+        contacts.append(Contact((i, j), read_only(segment), read_only(normal), k))
+
+    overlaps = _overlaps_2d(assembly, tolerances.overlap_depth * size)
+    overlapping = {o.parts for o in overlaps}
+    pairs_in_contact = {c.parts for c in contacts}
+    misses: dict[tuple[str, str], NearMiss] = {}
+    for e in np.flatnonzero(long_enough & ~touching & (widest <= near)):
+        pair = (int(edges.part[a[e]]), int(edges.part[b[e]]))
+        names = (assembly.parts[pair[0]].name, assembly.parts[pair[1]].name)
+        nearly_parallel = abs(gap1[e] - gap0[e]) <= 0.05 * (s1[e] - s0[e])
+        if pair in pairs_in_contact or names in overlapping or not nearly_parallel:
+            continue
+        if names not in misses or widest[e] < misses[names].gap_m:
+            misses[names] = NearMiss(names, float(widest[e]), float(s1[e] - s0[e]))
+    return ContactReport(tuple(contacts), tuple(misses.values()), overlaps)
+
+
+def _overlaps_2d(assembly: Assembly, depth: float) -> tuple[Overlap, ...]:
+    """Return pairs whose intersection still has area after shrinking it by half the allowed depth."""
+    shapes = np.array([to_shapely(p.shape) for p in assembly.parts if isinstance(p.shape, Polygon)])
+    tree = shapely.STRtree(shapes)
+    a, b = tree.query(shapes, predicate="intersects")
+    keep = a < b
+    found = []
+    for i, j in zip(a[keep], b[keep]):
+        common = shapely.intersection(shapes[i], shapes[j])
+        if shapely.area(common) <= 0.0 or common.buffer(-0.5 * depth).is_empty:
+            continue
+        found_depth = 2.0 * float(shapely.maximum_inscribed_circle(_largest(common)).length)
+        found.append(Overlap((assembly.parts[i].name, assembly.parts[j].name), found_depth))
+    return tuple(found)
+
+
+def _largest(geometry: shapely.Geometry) -> shapely.Geometry:
+    pieces = [g for g in shapely.get_parts(geometry) if g.geom_type == "Polygon"]
+    return max(pieces, key=shapely.area)

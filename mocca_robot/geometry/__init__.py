@@ -1,0 +1,1 @@
+"""Shapes, cones and surfaces: geometry that knows nothing of contacts or forces."""

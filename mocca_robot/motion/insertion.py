@@ -1,0 +1,92 @@
+"""Whether every part can be put where it belongs: a cone of ways in, and nothing on the way along its axis and rim."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.joints.joint import Joint, planar
+from mocca_robot.motion.parts_graph import PartMotion, part_motions
+from mocca_robot.motion.sweep2d import free_half_angle_2d
+from mocca_robot.motion.ways_out import first_free, insertion_rim, spread_directions, sweep_blockers
+
+DENSE, OTHER_WAYS = 20_000, 24
+"""Directions among which other ways are looked for where the middle of a part's cone is barred; how many are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class InsertionVerdict:
+    """Whether a part can be inserted along every direction of its cone.
+
+    Attributes:
+        part: name.
+        alpha_rad: half-angle of the widest cone about its way in that is free, negative when its earlier contacts
+            block the way itself. Flat parts: free of everything. Solid parts: as far as their own contacts tell
+            (see PartMotion); `collides` tells of all others, within the cone that was asked for.
+        required_rad: what was asked for; None when nothing was.
+        blockers: names of earlier parts that are hit while inserting along the axis or the rim, or that leave
+            the cone too narrow.
+        collides: the sweep along the axis or rim hits a part that is not (or not only) limiting the cone.
+    """
+
+    part: str
+    alpha_rad: float
+    required_rad: float | None
+    blockers: tuple[str, ...]
+    collides: bool
+
+    @property
+    def assemblable(self) -> bool:
+        """Return whether the part can be inserted as asked."""
+        wide_enough = self.alpha_rad >= (self.required_rad or 0.0) - 1e-9
+        return wide_enough and not self.collides
+
+
+def insertion_verdicts(
+    assembly: Assembly, contacts: Sequence[Contact], directions: dict[str, Array]
+) -> tuple[InsertionVerdict, ...]:
+    """Return one verdict per free part: its cone, and a swept collision check along the axis and the rim."""
+    joints: list[Joint] = [planar(c) for c in contacts]
+    verdicts = []
+    for part, motion in part_motions(assembly, joints).items():
+        name = assembly.parts[part].name
+        alpha = motion.alpha_rad
+        axis = motion.axis
+        if name in directions and len(motion.normals):
+            axis = -directions[name]
+            alpha = _half_angle(motion, axis)
+        hit = sweep_blockers(assembly, part, insertion_rim(axis, assembly.alpha_rad or 0.0)) if alpha > -1e-9 else ()
+        if hit and name not in directions:
+            # Others than those it touches bar the middle of its cone: another way may be free and wide enough.
+            other = first_free(assembly, part, _other_ways(motion, assembly.alpha_rad or 0.0))
+            if other is not None:
+                axis, alpha, hit = other, _half_angle(motion, other), ()
+        if assembly.dimension == 2 and alpha > 0.0 and not hit:
+            alpha = min(alpha, free_half_angle_2d(assembly, part, axis))
+        narrow = alpha < (assembly.alpha_rad or 0.0) - 1e-9
+        blockers = {assembly.parts[b].name for b in motion.blockers} if narrow else set()
+        blockers |= {assembly.parts[b].name for b in hit}
+        ordered = tuple(n for n in assembly.sequence if n in blockers)
+        verdicts.append(InsertionVerdict(name, alpha, assembly.alpha_rad, ordered, bool(hit)))
+    return tuple(verdicts)
+
+
+def _half_angle(motion: PartMotion, way_out: Array) -> float:
+    """Return the half-angle of the widest cone about a way out that the part's own contacts leave."""
+    return float(np.arcsin(np.clip((motion.normals @ way_out).min(), -1.0, 1.0)))
+
+
+def _other_ways(motion: PartMotion, least_rad: float) -> Iterator[Array]:
+    """Yield unit ways out that its own contacts leave free by `least_rad`, each as far as can be from those before."""
+    ways = spread_directions(len(motion.axis), DENSE)
+    ways = ways[(ways @ motion.normals.T).min(axis=1, initial=1.0) >= np.sin(least_rad) - 1e-9]
+    apart = np.linalg.norm(ways - motion.axis, axis=1)
+    for _ in range(min(OTHER_WAYS, len(ways))):
+        way = ways[apart.argmax()]
+        yield way
+        apart = np.minimum(apart, np.linalg.norm(ways - way, axis=1))

@@ -1,0 +1,172 @@
+"""Walking a plan on any Arm: every motion into the journal before and after it, nothing repeated by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from mocca_robot.plan.arm import Arm
+from mocca_robot.plan.gripper import Grip, holds
+from mocca_robot.plan.insertion_skill import insert
+from mocca_robot.plan.journal import utc_now
+from mocca_robot.plan.plan import Move, MoveKind, Plan, Step
+from mocca_robot.plan.status import ExecutionEvent, ExecutionStatus, Outcome
+
+GUARDED = frozenset({MoveKind.APPROACH, MoveKind.PICK})
+ZEROED = frozenset({MoveKind.TRANSIT, MoveKind.APPROACH, MoveKind.INSERT})
+"""Moves before which the force sensor is zeroed: the hand hangs free then. A pick keeps its approach's zero."""
+Listener = Callable[[ExecutionEvent], None]
+
+
+class Log(Protocol):
+    """Where events go before the next motion begins: a journal on disk, or the notes of a rehearsal."""
+
+    def append(self, event: ExecutionEvent) -> None:
+        """Keep one event, durably where that matters."""
+        ...
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How an execution ended: the last status, where, and everything that happened."""
+
+    status: ExecutionStatus
+    detail: str
+    steps_finished: int
+    events: tuple[ExecutionEvent, ...]
+
+    @property
+    def last(self) -> ExecutionEvent:
+        """Return the last event."""
+        return self.events[-1]
+
+
+class _Recorder:
+    """Journal, listener and list in one; the journal comes first, so that what is seen is also remembered."""
+
+    def __init__(self, journal: Log, listener: Listener | None) -> None:
+        self.journal = journal
+        self.listener = listener
+        self.events: list[ExecutionEvent] = []
+
+    def __call__(self, event: ExecutionEvent) -> None:
+        self.journal.append(event)
+        self.events.append(event)
+        if self.listener is not None:
+            self.listener(event)
+
+
+def execute(plan: Plan, arm: Arm, journal: Log, first_step: int = 0, listener: Listener | None = None) -> Execution:
+    """Return how building `plan` on `arm` ended, from `first_step` on.
+
+    Every event is in the journal before the next motion begins. The first motion that does not succeed ends the
+    execution; its event carries status, measured pose, force and whether the stop was observed.
+    """
+    record = _Recorder(journal, listener)
+    outcome = arm.preflight(plan, first_step)
+    record(_event("preflight", outcome))
+    finished = first_step
+    if outcome.succeeded:
+        for i in range(first_step, len(plan.steps)):
+            step = plan.steps[i]
+            record(ExecutionEvent(utc_now(), "step_started", i, step.part))
+            outcome = _run_step(plan, i, arm, record)
+            if not outcome.succeeded:
+                break
+            record(_event("step_finished", outcome, i, step.part))
+            finished += 1
+    ended = "finished" if outcome.succeeded else "stopped"
+    record(_event(ended, outcome, record.events[-1].step, record.events[-1].part))
+    return Execution(outcome.status, outcome.detail, finished, tuple(record.events))
+
+
+def _run_step(plan: Plan, index: int, arm: Arm, record: _Recorder) -> Outcome:
+    step = plan.steps[index]
+    outcome = Outcome(ExecutionStatus.SUCCEEDED)
+    for k, move in enumerate(step.moves):
+        record(ExecutionEvent(utc_now(), "move_started", index, step.part, k, move.kind))
+
+        def note(event: str, outcome: Outcome, attempt: int | None = None, grip: Grip | None = None) -> None:
+            record(_event(event, outcome, index, step.part, k, move.kind, attempt, grip))  # noqa: B023 - called at once
+
+        outcome = _run_move(plan, step, move, arm, note)
+        if not outcome.succeeded:
+            return outcome
+    return outcome
+
+
+def _run_move(plan: Plan, step: Step, move: Move, arm: Arm, note: Callable[..., None]) -> Outcome:
+    """Return how one move ended; `note` writes what happened, intermediate results included."""
+    limits = plan.cell.limits
+    outcome, grip = Outcome(ExecutionStatus.SUCCEEDED), None
+    if move.kind in ZEROED:
+        outcome = arm.zero_force()
+    if outcome.succeeded and move.kind is MoveKind.INSERT:
+        outcome = insert(arm, step, move, limits, note, outcome.state)
+    elif outcome.succeeded and len(move.path) > 1:
+        guard = limits.contact_force_n if move.kind in GUARDED else None
+        outcome = arm.follow(move.path, force_limit_n=move.force_limit_n, contact_force_n=guard)
+    if outcome.succeeded and move.kind in (MoveKind.PICK, MoveKind.RELEASE):
+        outcome, grip = _grip(plan, step, move, arm)
+    note("move_finished" if outcome.succeeded else "move_stopped", outcome, None, grip)
+    return outcome
+
+
+def _grip(plan: Plan, step: Step, move: Move, arm: Arm) -> tuple[Outcome, Grip]:
+    """Take a part and see that it is held, or see that it was let go; then say what is carried."""
+    outcome, grip = arm.grip(move.gripper_m, step.grasp.force_n)
+    if not outcome.succeeded:
+        return outcome, grip
+    cell, grasp = plan.cell, step.grasp
+    if move.kind is MoveKind.PICK:
+        if holds(grip, grasp.width_m, cell.limits) is False:
+            detail = "part missing: no vacuum under the cup; the vacuum stays on"
+            if grip.width_m is not None:
+                found = f"{1e3 * grip.width_m:.1f} mm"
+                detail = f"part missing: the fingers closed to {found}, the part is {1e3 * grasp.width_m:.1f} mm wide"
+            return Outcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
+        mass = cell.tool_mass_kg + grasp.mass_kg
+        both = zip(cell.tool_cog_m, grasp.cog_m, strict=True)
+        x, y, z = ((cell.tool_mass_kg * a + grasp.mass_kg * b) / max(mass, 1e-9) for a, b in both)
+        return arm.set_payload(mass, (x, y, z)), grip
+    if grip.width_m is not None and grip.width_m < move.gripper_m - cell.limits.grip_tolerance_m:
+        detail = f"the fingers opened to {1e3 * grip.width_m:.1f} mm, commanded {1e3 * move.gripper_m:.1f} mm"
+        return Outcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
+    if grip.vacuum:
+        detail = "the cup does not let go: there is still vacuum under it"
+        return Outcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
+    return arm.set_payload(cell.tool_mass_kg, cell.tool_cog_m), grip
+
+
+def _event(
+    event: str,
+    outcome: Outcome,
+    step: int | None = None,
+    part: str | None = None,
+    move: int | None = None,
+    kind: str | None = None,
+    attempt: int | None = None,
+    grip: Grip | None = None,
+) -> ExecutionEvent:
+    state = outcome.state
+    return ExecutionEvent(
+        utc_now(),
+        event,
+        step,
+        part,
+        move,
+        str(kind) if kind else None,
+        attempt,
+        outcome.waypoint,
+        outcome.status,
+        outcome.detail,
+        state.q if state else None,
+        state.tcp if state else None,
+        state.force if state else None,
+        state.time_s if state else None,
+        outcome.depth_m,
+        grip.width_m if grip else None,
+        grip.vacuum if grip else None,
+        outcome.stop_observed,
+    )

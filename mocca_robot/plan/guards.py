@@ -1,0 +1,142 @@
+"""What a motion must not do: forces, path, travel and jams, each judged from measured states alone.
+
+Every function returns when the state is harmless and raises Stopped with value and limit when it is not.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from mocca_robot.arrays import Array
+from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.plan import Waypoint
+from mocca_robot.plan.pose import angle_rad, distance_m
+from mocca_robot.plan.status import ArmState, ExecutionStatus
+from mocca_robot.plan.supervision import Stopped
+
+LATERAL_M = 0.005
+"""A part that drifts farther sideways while it is pushed has left its joint."""
+BEYOND_M = 0.003
+"""Pushed farther than planned by this, or back by it, the part is not where it was thought to be."""
+PUSH_GRACE_S = 0.3
+"""Force mode needs a moment to get going; standing still before that is no jam."""
+SEATED_SHARE = 0.25
+"""Of the push force: a part that resists this much within the tolerance of its depth has met its seat. To press on with
+all of it would push a light structure apart that stands by its shape alone."""
+SEATING_M, SEATING_PACE = 0.002, 0.3
+"""Over the last 2 mm a part is pushed at this share of the speed: the arm's momentum is what hits the structure."""
+STALL_S = 1.0
+STILL_RAD_S = 0.01
+
+
+def check_forces(
+    state: ArmState, bias: Array, limits: Limits, force_limit_n: float, contact_force_n: float | None
+) -> None:
+    """Stop above the motion's force limit, the torque limit, or (if any) the force that means contact."""
+    felt = np.subtract(state.force, bias)
+    force, torque = float(np.linalg.norm(felt[:3])), float(np.linalg.norm(felt[3:]))
+    limit = min(force_limit_n, limits.abort_force_n)
+    if force > limit:
+        raise Stopped(ExecutionStatus.FORCE_LIMIT, f"{force:.1f} N, limit {limit:g} N", state)
+    if torque > limits.abort_torque_nm:
+        raise Stopped(ExecutionStatus.FORCE_LIMIT, f"{torque:.2f} Nm, limit {limits.abort_torque_nm:g} Nm", state)
+    if contact_force_n is not None and force > contact_force_n:
+        raise Stopped(ExecutionStatus.CONTACT, f"{force:.1f} N, contact at {contact_force_n:g} N", state)
+
+
+def check_path(state: ArmState, trail: Sequence[Array], limits: Limits) -> None:
+    """Stop when the tool is far from every place (3,) commanded lately: lagging is allowed, straying is not."""
+    gap = float(np.linalg.norm(np.array(trail) - np.array(state.tcp[:3]), axis=1).min())
+    if gap > limits.tracking_distance_m:
+        limit = 1e3 * limits.tracking_distance_m
+        raise Stopped(ExecutionStatus.DEVIATED, f"{1e3 * gap:.1f} mm off the path, limit {limit:g} mm", state)
+
+
+def check_start(state: ArmState, first: Waypoint, limits: Limits) -> None:
+    """Stop when the arm is too far from a path's first waypoint to be led onto it."""
+    gap, far = float(np.abs(np.subtract(state.q, first.q)).max()), distance_m(state.tcp, first.tcp)
+    if gap > limits.joint_step_rad or far > limits.tracking_distance_m:
+        raise Stopped(
+            ExecutionStatus.DEVIATED,
+            f"the arm stands {1e3 * far:.1f} mm and {gap:.3f} rad from the path's first waypoint, limit "
+            f"{1e3 * limits.tracking_distance_m:g} mm and {limits.joint_step_rad:g} rad",
+            state,
+        )
+
+
+def arrived(state: ArmState, goal: Waypoint, limits: Limits) -> bool:
+    """Return whether the arm stands still at a waypoint, as closely as a next motion asks for."""
+    return (
+        float(np.abs(np.subtract(state.q, goal.q)).max()) <= limits.start_joint_rad
+        and distance_m(state.tcp, goal.tcp) <= limits.start_distance_m
+        and max(abs(v) for v in state.qd) < STILL_RAD_S
+    )
+
+
+class PushGuard:
+    """The guard of one push from `start` along `axis` (3,) over `wanted_m`; `depth_m` is what was measured last."""
+
+    def __init__(self, start: ArmState, axis: Array, wanted_m: float, bias: Array, limits: Limits) -> None:
+        self.start = start
+        self.axis = axis
+        self.wanted_m = wanted_m
+        self.limits = limits
+        self.depth_m = 0.0
+        self._bias = bias
+        self._history: deque[tuple[float, float, float]] = deque()
+
+    def measure(self, state: ArmState) -> float:
+        """Return how far the tool has moved along the axis, metres."""
+        self.depth_m = float(np.subtract(state.tcp[:3], self.start.tcp[:3]) @ self.axis)
+        return self.depth_m
+
+    @property
+    def seating(self) -> bool:
+        """Return whether the part is on the last stretch of its way."""
+        return self.depth_m >= self.wanted_m - SEATING_M
+
+    def check(self, state: ArmState, force_limit_n: float) -> bool:
+        """Return whether the part is in its seat; Stopped for forces, tilt, travel off the line, or a jam.
+
+        It is there at its full depth, or within the tolerance of it as soon as it resists.
+        """
+        check_forces(state, self._bias, self.limits, force_limit_n, None)
+        tilt = angle_rad(state.tcp, self.start.tcp)
+        if tilt > self.limits.abort_tilt_rad:
+            detail = f"tilted by {np.degrees(tilt):.1f}°, limit {np.degrees(self.limits.abort_tilt_rad):.1f}°"
+            raise Stopped(ExecutionStatus.DEVIATED, detail, state)
+        depth = self.measure(state)
+        moved = np.subtract(state.tcp[:3], self.start.tcp[:3])
+        drift = float(np.linalg.norm(moved - depth * self.axis))
+        if drift > LATERAL_M:
+            detail = f"{1e3 * drift:.1f} mm sideways, limit {1e3 * LATERAL_M:g} mm"
+            raise Stopped(ExecutionStatus.TRAVEL_LIMIT, detail, state)
+        if not -BEYOND_M <= depth <= self.wanted_m + BEYOND_M:
+            low, high = -1e3 * BEYOND_M, 1e3 * (self.wanted_m + BEYOND_M)
+            detail = f"{1e3 * depth:.1f} mm along the axis, allowed {low:g} to {high:.1f} mm"
+            raise Stopped(ExecutionStatus.TRAVEL_LIMIT, detail, state)
+        felt = abs(float(np.subtract(state.force, self._bias)[:3] @ self.axis))
+        near = depth >= self.wanted_m - self.limits.depth_tolerance_m
+        if depth >= self.wanted_m or (near and felt >= SEATED_SHARE * self.limits.push_force_n):
+            return True
+        self._history.append((state.time_s, depth, felt))
+        self._check_jam(state)
+        return False
+
+    def _check_jam(self, state: ArmState) -> None:
+        """Jam: slower than 2 mm/s while pushing hard for 0.25 s; stall: slower than that for 1 s at any force."""
+        now, history = state.time_s, self._history
+        while history[0][0] < now - 2.0 * STALL_S:
+            history.popleft()
+        for window, force in ((self.limits.jam_time_s, self.limits.jam_force_n), (STALL_S, 0.0)):
+            first = max((k for k, h in enumerate(history) if h[0] <= now - window), default=None)
+            if first is None or now - self.start.time_s < PUSH_GRACE_S + window:
+                continue
+            recent = [history[k] for k in range(first, len(history))]
+            travel, span = recent[-1][1] - recent[0][1], recent[-1][0] - recent[0][0]
+            if travel < self.limits.jam_speed_m_s * span and min(h[2] for h in recent) >= force:
+                detail = f"{1e3 * travel / span:.1f} mm/s at {recent[-1][2]:.1f} N for {span:.2f} s"
+                raise Stopped(ExecutionStatus.JAMMED, detail, state)

@@ -1,0 +1,90 @@
+"""The insertion skill: push along the axis, and when it jams, back out the way it came and try elsewhere in the cone.
+
+The α-cone is what makes a retry safe: any direction inside it frees the part, so backing out along the reversed
+direction cannot catch, and another direction of the cone cannot be blocked by the joint itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mocca_robot.arrays import Array
+from mocca_robot.plan.arm import Arm
+from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.plan import Move, Step, Waypoint, insertion_axis
+from mocca_robot.plan.status import ArmState, ExecutionStatus, Outcome
+
+RETRYABLE = frozenset({ExecutionStatus.JAMMED, ExecutionStatus.TRAVEL_LIMIT})
+BRIDGE_POINTS = 8
+
+
+def insert(
+    arm: Arm, step: Step, move: Move, limits: Limits, note: Callable[..., None], at: ArmState | None = None
+) -> Outcome:
+    """Return how the insertion of `step`'s part ended: SUCCEEDED by measured depth, or why the last attempt failed.
+
+    The first attempt runs along the move's own path; up to `limits.retries` more along its alternatives, in their
+    order (the own path again when they are used up). Each retry starts after a retreat along the reversed direction.
+    `at` is the measured state in which it begins: an arm that stands a little ahead of the path's start, or behind it,
+    pushes less or more, so that the part ends where it belongs. Depths in outcomes count from the path's start.
+    """
+    paths: Sequence[Sequence[Waypoint]] = (move.path, *move.alternatives)
+    outcome = Outcome(ExecutionStatus.SUCCEEDED)
+    for attempt in range(1 + limits.retries):
+        path = paths[attempt % len(paths)]
+        axis, depth = insertion_axis(path)
+        ahead = 0.0 if at is None else float(np.subtract(at.tcp[:3], path[0].tcp[:3]) @ axis)
+        outcome = arm.push(axis, depth - ahead, force_limit_n=move.force_limit_n)
+        if outcome.depth_m is not None:
+            outcome = replace(outcome, depth_m=ahead + outcome.depth_m)
+        if outcome.status not in RETRYABLE or attempt == limits.retries:
+            return outcome
+        note("attempt_failed", outcome, attempt)
+        following = paths[(attempt + 1) % len(paths)]
+        back = _retreat(path, outcome.depth_m or 0.0)
+        for way in (back, _bridge(path[0], following[0], limits)):
+            moved = arm.follow(way, force_limit_n=move.force_limit_n, contact_force_n=None)
+            if not moved.succeeded:
+                return moved
+        zeroed = arm.zero_force()
+        if not zeroed.succeeded:
+            return zeroed
+        at = zeroed.state
+    return outcome
+
+
+def _retreat(path: Sequence[Waypoint], depth_m: float) -> tuple[Waypoint, ...]:
+    """Return the way back from `depth_m` to the path's start, on the planned joint angles, as fast as it came."""
+    axis, _ = insertion_axis(path)
+    start = np.array(path[0].tcp[:3])
+    depths = np.array([float((np.array(w.tcp[:3]) - start) @ axis) for w in path])
+    times = np.array([w.t for w in path])
+    here = float(np.clip(depth_m, 0.0, depths[-1]))
+    until = float(np.interp(here, depths, times))
+    q = np.array([w.q for w in path])
+    tcp = np.array([w.tcp for w in path])
+    turn = [_at(times, q, tcp, until, 0.0)] if until > times[0] else []
+    back = [(w.t, w) for w in path if w.t < until]
+    way = [*turn, *(Waypoint(until - t, w.q, w.tcp) for t, w in reversed(back))]
+    return tuple(way) if way else (Waypoint(0.0, path[0].q, path[0].tcp),)
+
+
+def _bridge(a: Waypoint, b: Waypoint, limits: Limits) -> tuple[Waypoint, ...]:
+    """Return a slow joint-space way between two starts of insertion, which lie within the cone's mouth."""
+    far = float(np.linalg.norm(np.subtract(b.tcp[:3], a.tcp[:3])))
+    turn = float(np.abs(np.subtract(b.q, a.q)).max())
+    seconds = max(far / limits.insert_speed_m_s, turn / (0.25 * limits.joint_speed_rad_s), 0.1)
+    times = np.array([0.0, seconds])
+    q, tcp = np.array([a.q, b.q]), np.array([a.tcp, b.tcp])
+    return tuple(_at(times, q, tcp, seconds * s, seconds * s) for s in np.linspace(0.0, 1.0, BRIDGE_POINTS))
+
+
+def _at(times: Array, q: Array, tcp: Array, t: float, stamp: float) -> Waypoint:
+    def pick(values: Array) -> tuple[float, float, float, float, float, float]:
+        a, b, c, d, e, f = (float(np.interp(t, times, column)) for column in values.T)
+        return a, b, c, d, e, f
+
+    return Waypoint(stamp, pick(q), pick(tcp))

@@ -1,0 +1,147 @@
+"""Verdicts on load cases and tilts, from nothing but the contacts of an assembly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import lru_cache, partial
+
+import numpy as np
+
+from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.joints.joint import contact_rays, spanning_rays
+from mocca_robot.runtime.executors import mapped
+from mocca_robot.statics.equilibrium import equilibrium
+from mocca_robot.statics.loads import LoadCase, case_wrenches, tilted_gravity
+from mocca_robot.statics.solution import EquilibriumResult, solve_system
+from mocca_robot.statics.solver.system import ContactSystem
+from mocca_robot.statics.tilt import critical_angle
+
+
+@dataclass(frozen=True, eq=False)
+class CaseVerdict:
+    """A load case, its result, and the names of the parts that move in the collapse motion."""
+
+    case: LoadCase
+    result: EquilibriumResult
+    moving: tuple[str, ...]
+
+
+def solve_case(assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, friction: float = 0.0) -> CaseVerdict:
+    """Return the equilibrium of one load case from the facets of `contacts`, with the parts that move.
+
+    Contact forces come back one per corner of every contact, zero where a part is absent, or, without friction, where
+    other corners can exert the same forces.
+    """
+    if friction == 0.0:
+        system, there = _system(assembly, tuple(contacts), case.present.tobytes(), case.free.tobytes())
+        result = solve_system(system, system.scaled(case_wrenches(case, assembly, contacts)))
+    else:
+        pairs, points, normals = contact_rays(contacts)
+        there = np.asarray(case.present[pairs].all(axis=1))
+        result = solve_rays(assembly, contacts, case, (pairs[there], points[there], normals[there]), friction)
+    forces = np.zeros((len(there), *result.forces.shape[1:]))
+    forces[there] = result.forces
+    full = EquilibriumResult(result.status, result.infeasibility, forces, result.motions, result.kkt)
+    return CaseVerdict(case, full, () if result.stands else moving_parts(assembly, result.motions))
+
+
+@lru_cache(maxsize=4)
+def _system(
+    assembly: Assembly, contacts: tuple[Contact, ...], present: bytes, free: bytes
+) -> tuple[ContactSystem, BoolArray]:
+    """Return what all loads on the same parts have in common, and which of all contact rays (C,) it has.
+
+    `present` and `free` are masks (N,) as bytes.
+    """
+    whole = _whole_system(assembly, contacts)
+    there = spanning_rays(contacts) & np.frombuffer(present, dtype=np.bool_)[whole.pairs].all(axis=1)
+    return whole.subset(there).holding(np.frombuffer(free, dtype=np.bool_)), there
+
+
+@lru_cache(maxsize=4)
+def _whole_system(assembly: Assembly, contacts: tuple[Contact, ...]) -> ContactSystem:
+    about = np.array([p.centroid for p in assembly.parts])
+    return ContactSystem.build(*contact_rays(contacts), ~assembly.fixed, about, assembly.size / 2)
+
+
+def solve_rays(
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    case: LoadCase,
+    rays: tuple[IntArray, Array, Array],
+    friction: float = 0.0,
+) -> EquilibriumResult:
+    """Return the equilibrium of one load case on `rays` alone: pairs (C, 2), points (C, d) and normals (C, d).
+
+    Motions are about the parts' centroids. `contacts` tell which pairs an interlocking case pushes apart.
+    """
+    result = equilibrium(
+        *rays,
+        case_wrenches(case, assembly, contacts),
+        fixed=~case.free,
+        friction=friction,
+        about=np.array([p.centroid for p in assembly.parts]),
+        length=assembly.size / 2,
+    )
+    assert isinstance(result, EquilibriumResult)
+    return result
+
+
+def solve_cases_on(
+    executor: Executor | None,
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    cases: Sequence[LoadCase],
+    friction: float = 0.0,
+) -> tuple[CaseVerdict, ...]:
+    """Return `solve_case` of every case, in order, each computed on `executor`; here when there is none."""
+    return tuple(mapped(executor, partial(solve_case, assembly, contacts, friction=friction), cases))
+
+
+def critical_tilts(
+    assembly: Assembly,
+    contacts: Sequence[Contact],
+    azimuths_rad: Sequence[float] | Array,
+    friction: float = 0.0,
+    executor: Executor | None = None,
+) -> tuple[float, ...]:
+    """Return `critical_tilt` towards every azimuth, in order, each computed on `executor`; here when there is none."""
+    one = partial(critical_tilt, assembly, contacts, friction=friction)
+    return tuple(mapped(executor, one, [float(a) for a in azimuths_rad]))
+
+
+def moving_parts(assembly: Assembly, motions: Array) -> tuple[str, ...]:
+    """Return the names of parts whose velocity exceeds 1 % of the fastest's, in assembly order."""
+    d = assembly.dimension
+    reach = assembly.size / 2
+    speed = np.linalg.norm(motions[:, :d], axis=1) + reach * np.linalg.norm(motions[:, d:], axis=1)
+    return tuple(p.name for p, s in zip(assembly.parts, speed) if s > 0.01 * speed.max(initial=0.0) > 0)
+
+
+def critical_tilt(assembly: Assembly, contacts: Sequence[Contact], azimuth_rad: float, friction: float = 0.0) -> float:
+    """Return the largest tilt (radians, at most π/2) towards an azimuth at which the structure stands.
+
+    Zero when it does not stand upright either. See `mocca_robot.statics.tilt` for the method, with and without
+    friction.
+    """
+    down = case_at(assembly, 0.0, azimuth_rad)
+    if not solve_case(assembly, contacts, down, friction).result.stands:
+        return 0.0
+    masses = np.array([p.mass for p in assembly.parts])
+    level = tilted_gravity(assembly.gravity, np.pi / 2, azimuth_rad)
+
+    def solve(angle_rad: float) -> EquilibriumResult:
+        return solve_case(assembly, contacts, case_at(assembly, angle_rad, azimuth_rad), friction).result
+
+    return critical_angle(solve, masses, assembly.gravity, level)[0]
+
+
+def case_at(assembly: Assembly, angle_rad: float, azimuth_rad: float) -> LoadCase:
+    """Return the whole assembly under gravity tilted by `angle_rad` towards `azimuth_rad`."""
+    present = np.ones(len(assembly.parts), dtype=np.bool_)
+    gravity = tilted_gravity(assembly.gravity, angle_rad, azimuth_rad)
+    return LoadCase(f"tilt_{np.rad2deg(azimuth_rad):03.0f}", gravity, present, assembly.fixed)

@@ -1,0 +1,1 @@
+"""Insertion trials: parts driven home by a compliant hand, all over their cone."""

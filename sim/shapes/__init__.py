@@ -1,0 +1,1 @@
+"""What collides with what: convex pieces, contact points, inertia."""

@@ -1,0 +1,1 @@
+"""What physics did, to look at: films, viewers, models for other programs."""

@@ -1,0 +1,162 @@
+"""Guards and supervision on made-up states: each limit trips just above itself, and not just below."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from ur_cell import REST
+
+from mocca_robot.plan.guards import BEYOND_M, LATERAL_M, PushGuard, check_forces, check_path, check_start
+from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.plan import Waypoint
+from mocca_robot.plan.status import ArmState, ExecutionStatus
+from mocca_robot.plan.supervision import Stopped, parse_state, program_stop, safety_stop
+from mocca_robot.ur.priority import NICE, preferred
+
+LIMITS = Limits()
+DOWN = np.array([0.0, 0.0, -1.0])
+ZERO = np.zeros(6)
+
+
+def pushed(time_s: float, depth: float, force: float = 0.0, side: float = 0.0, tilt: float = 0.0) -> ArmState:
+    return replace(
+        REST, time_s=time_s, tcp=(0.4 + side, 0.0, 0.3 - depth, tilt, 0.0, 0.0), force=(0.0, 0.0, force, 0.0, 0.0, 0.0)
+    )
+
+
+def status_of(guard: PushGuard, states: list[ArmState], force_limit: float = 20.0) -> ExecutionStatus | None:
+    """Return the status that a series of states ends with, SUCCEEDED at depth, None if it neither ends nor succeeds."""
+    for state in states:
+        try:
+            if guard.check(state, force_limit):
+                return ExecutionStatus.SUCCEEDED
+        except Stopped as stop:
+            return stop.status
+    return None
+
+
+def guard(wanted: float = 0.02) -> PushGuard:
+    return PushGuard(REST, DOWN, wanted, ZERO, LIMITS)
+
+
+@pytest.mark.parametrize(("force", "depth"), [(0.0, 0.020), (2.4, 0.020), (2.6, 0.019)])
+def test_a_push_ends_at_its_depth_or_where_the_part_resists_within_the_tolerance_of_it(
+    force: float, depth: float
+) -> None:
+    states = [pushed(0.02 * k, 0.01 * 0.02 * k, force) for k in range(1, 120)]
+    g = guard()
+    assert status_of(g, states) is ExecutionStatus.SUCCEEDED
+    assert depth <= g.depth_m <= depth + 0.0003
+
+
+@pytest.mark.parametrize(
+    ("force", "speed", "jams"), [(15.5, 0.0015, True), (14.5, 0.0015, False), (15.5, 0.0025, False)]
+)
+def test_jam_needs_both_force_and_slowness_for_a_quarter_second(force: float, speed: float, jams: bool) -> None:
+    states = [pushed(0.02 * k, 0.004 + speed * 0.02 * k, force) for k in range(1, 40)]
+    assert status_of(guard(), states) is (ExecutionStatus.JAMMED if jams else None)
+    short = [pushed(0.5 + 0.02 * k, 0.004, 18.0) for k in range(12)]
+    assert status_of(guard(), short) is None
+
+
+def test_standing_still_for_a_second_is_a_jam_at_any_force() -> None:
+    assert status_of(guard(), [pushed(0.02 * k, 0.004, 10.0) for k in range(1, 100)]) is ExecutionStatus.JAMMED
+    assert status_of(guard(), [pushed(0.02 * k, 0.004, 10.0) for k in range(1, 50)]) is None
+
+
+@pytest.mark.parametrize(
+    ("state", "status"),
+    [
+        (pushed(0.1, 0.001, 20.1), ExecutionStatus.FORCE_LIMIT),
+        (pushed(0.1, 0.001, 19.9), None),
+        (pushed(0.1, 0.001, side=LATERAL_M + 1e-4), ExecutionStatus.TRAVEL_LIMIT),
+        (pushed(0.1, 0.001, side=LATERAL_M - 1e-4), None),
+        (pushed(0.1, -BEYOND_M - 1e-4), ExecutionStatus.TRAVEL_LIMIT),
+        (pushed(0.1, 0.02 + BEYOND_M + 1e-4), ExecutionStatus.TRAVEL_LIMIT),
+        (pushed(0.1, 0.001, tilt=math.radians(5.1)), ExecutionStatus.DEVIATED),
+        (pushed(0.1, 0.001, tilt=math.radians(4.9)), None),
+        (replace(REST, time_s=0.1, force=(0, 0, 0, 1.5, 1.5, 0)), ExecutionStatus.FORCE_LIMIT),
+    ],
+)
+def test_push_limits(state: ArmState, status: ExecutionStatus | None) -> None:
+    assert status_of(guard(), [state]) is status
+
+
+def test_forces_count_over_the_zeroed_bias_and_never_above_the_abort_force() -> None:
+    state = replace(REST, force=(0.0, 0.0, -12.0, 0.0, 0.0, 0.0))
+    check_forces(state, np.array([0, 0, -8.0, 0, 0, 0]), LIMITS, 25.0, 5.0)
+    with pytest.raises(Stopped, match=r"12\.0 N, contact at 5 N"):
+        check_forces(state, ZERO, LIMITS, 25.0, 5.0)
+    with pytest.raises(Stopped, match=r"30\.0 N, limit 25 N"):
+        check_forces(replace(REST, force=(30.0, 0, 0, 0, 0, 0)), ZERO, LIMITS, 100.0, None)
+
+
+def test_lag_along_the_path_is_allowed_and_straying_is_not() -> None:
+    trail = [np.array([0.4, 0.0, 0.3 + 0.01 * k]) for k in range(10)]
+    check_path(REST, trail, LIMITS)
+    with pytest.raises(Stopped, match=r"25\.0 mm off the path, limit 20 mm"):
+        check_path(replace(REST, tcp=(0.425, 0, 0.3, 0, 0, 0)), trail, LIMITS)
+    with pytest.raises(Stopped, match=r"0\.300 rad from the path's first waypoint"):
+        check_start(REST, Waypoint(0.0, (0.3, 0, 0, 0, 0, 0), REST.tcp), LIMITS)
+
+
+@pytest.mark.parametrize(
+    ("change", "status"),
+    [
+        ({}, None),
+        ({"safety_mode": 2}, None),
+        ({"safety_mode": 3}, ExecutionStatus.PROTECTIVE_STOP),
+        ({"safety_mode": 5}, ExecutionStatus.SAFEGUARD_STOP),
+        ({"safety_mode": 6}, ExecutionStatus.EMERGENCY_STOP),
+        ({"safety_mode": 7}, ExecutionStatus.EMERGENCY_STOP),
+        ({"safety_mode": 12}, ExecutionStatus.SAFEGUARD_STOP),
+        ({"safety_mode": 77}, ExecutionStatus.PROTECTIVE_STOP),
+        ({"safety_bits": 1 << 2}, ExecutionStatus.PROTECTIVE_STOP),
+        ({"safety_bits": 1 << 4}, ExecutionStatus.SAFEGUARD_STOP),
+        ({"safety_bits": 1 << 7}, ExecutionStatus.EMERGENCY_STOP),
+        ({"robot_mode": 3}, ExecutionStatus.PROGRAM_STOPPED),
+    ],
+)
+def test_safety_codes_become_statuses_and_unknown_ones_stop(
+    change: dict[str, int], status: ExecutionStatus | None
+) -> None:
+    found = safety_stop(replace(REST, **change))
+    assert (found and found[0]) is status
+
+
+def test_program_must_play_and_the_slider_be_above_zero() -> None:
+    assert program_stop(REST) is None
+    for change in ({"runtime_state": 1}, {"runtime_state": 4}, {"speed_scaling": 0.0}):
+        found = program_stop(replace(REST, **change))
+        assert found is not None and found[0] is ExecutionStatus.PROGRAM_STOPPED
+
+
+def raw_state() -> list[object]:
+    six = [0.0] * 6
+    return [1.0, six, six, six, six, 1.0, 7, 1, 2, 3, 1, 0.9, 0, 0]
+
+
+def test_states_with_holes_or_numbers_that_are_not_finite_are_no_states() -> None:
+    assert parse_state(raw_state()).payload_kg == 0.9
+    for index, value in ((1, []), (3, [0.0] * 5), (2, [math.nan] * 6), (0, math.inf), (11, None), (13, None)):
+        broken = raw_state()
+        broken[index] = value
+        with pytest.raises(Stopped) as stop:
+            parse_state(broken)
+        assert stop.value.status is ExecutionStatus.CONNECTION_LOST
+    with pytest.raises(Stopped):
+        parse_state(raw_state()[:-1])
+
+
+def test_the_scheduler_prefers_this_process_only_as_long_as_it_is_asked_to() -> None:
+    """An arm is watched on a clock; afterwards the process is scheduled as before."""
+    before = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
+    with preferred():
+        policy, nice = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
+        # Real-time where that is allowed, niceness where only that is, and as before where nothing is.
+        assert policy == os.SCHED_RR or nice == NICE or (policy, nice) == before
+    assert (os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)) == before

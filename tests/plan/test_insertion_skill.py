@@ -1,0 +1,118 @@
+"""The insertion skill against an arm that does what it is told: retries stay in the cone, back out, and end."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from ur_cell import small_plan
+
+from mocca_robot.arrays import Array
+from mocca_robot.plan.gripper import Grip
+from mocca_robot.plan.insertion_skill import insert
+from mocca_robot.plan.plan import MoveKind, Plan, Waypoint, insertion_axis
+from mocca_robot.plan.pose import Three
+from mocca_robot.plan.status import ArmState, ExecutionStatus, Outcome
+
+PLAN = small_plan(1)
+STEP = PLAN.steps[0]
+MOVE = next(m for m in STEP.moves if m.kind is MoveKind.INSERT)
+LIMITS = PLAN.cell.limits
+
+
+def state_at(tcp: Sequence[float]) -> ArmState:
+    six = (0.0,) * 6
+    x, y, z, a, b, c = tcp
+    return ArmState(0.0, six, six, (x, y, z, a, b, c), six, 1.0, 7, 1, 2, 3, 1, 0.9)
+
+
+class Told:
+    """An arm whose pushes end as `outcomes` say, one after the other; it keeps what it was told."""
+
+    name = "told"
+
+    def __init__(self, *outcomes: Outcome) -> None:
+        self.outcomes = list(outcomes)
+        self.pushes: list[tuple[Array, float]] = []
+        self.ways: list[Sequence[Waypoint]] = []
+        self.zeroed = 0
+
+    def preflight(self, plan: Plan, first_step: int) -> Outcome:
+        return Outcome(ExecutionStatus.SUCCEEDED)
+
+    def set_payload(self, mass_kg: float, cog_m: Three) -> Outcome:
+        return Outcome(ExecutionStatus.SUCCEEDED)
+
+    def zero_force(self) -> Outcome:
+        self.zeroed += 1
+        return Outcome(ExecutionStatus.SUCCEEDED, "", state_at(self.ways[-1][-1].tcp))
+
+    def follow(self, path: Sequence[Waypoint], *, force_limit_n: float, contact_force_n: float | None) -> Outcome:
+        self.ways.append(path)
+        return Outcome(ExecutionStatus.SUCCEEDED)
+
+    def push(self, axis: Array, depth_m: float, *, force_limit_n: float) -> Outcome:
+        self.pushes.append((axis, depth_m))
+        return self.outcomes.pop(0)
+
+    def grip(self, width_m: float, force_n: float) -> tuple[Outcome, Grip]:
+        return Outcome(ExecutionStatus.SUCCEEDED), Grip(None, None)
+
+    def stop(self) -> bool:
+        return True
+
+
+def jam(depth_m: float) -> Outcome:
+    return Outcome(ExecutionStatus.JAMMED, "", None, None, depth_m)
+
+
+def silent(*_: object) -> None:
+    """Take no notes."""
+
+
+def test_a_jam_is_left_the_way_it_came_and_the_next_push_runs_elsewhere_in_the_cone() -> None:
+    arm = Told(jam(0.004), Outcome(ExecutionStatus.SUCCEEDED, "", None, None, 0.008))
+    outcome = insert(arm, STEP, MOVE, LIMITS, silent, state_at(MOVE.path[0].tcp))
+    assert outcome.succeeded and arm.zeroed == 1
+    (first, _), (second, depth) = arm.pushes
+    assert STEP.direction is not None
+    axis, length = insertion_axis(MOVE.alternatives[0])
+    assert np.allclose(second, axis) and depth == pytest.approx(length)
+    for tried in (first, second):
+        assert np.arccos(min(1.0, float(tried @ STEP.direction))) <= STEP.alpha_rad
+    back, across = arm.ways
+    # Backwards along the line that was pushed, to its very start, and only then to the other start.
+    heights = [(np.array(w.tcp[:3]) - MOVE.path[0].tcp[:3]) @ first for w in back]
+    assert heights[0] == pytest.approx(0.004, abs=1e-4) and heights[-1] == pytest.approx(0.0, abs=1e-6)
+    assert all(a >= b for a, b in itertools.pairwise(heights))
+    assert across[-1].tcp == pytest.approx(MOVE.alternatives[0][0].tcp, abs=1e-6)
+
+
+def test_jams_end_after_the_retries_that_are_allowed() -> None:
+    arm = Told(*[jam(0.002)] * 3)
+    outcome = insert(arm, STEP, MOVE, LIMITS, silent)
+    assert outcome.status is ExecutionStatus.JAMMED and len(arm.pushes) == 1 + LIMITS.retries
+    once = Told(jam(0.002))
+    insert(once, STEP, MOVE, replace(LIMITS, retries=0), silent)
+    assert once.ways == []
+
+
+@pytest.mark.parametrize("status", [ExecutionStatus.FORCE_LIMIT, ExecutionStatus.PROTECTIVE_STOP])
+def test_whatever_is_no_jam_is_never_tried_again(status: ExecutionStatus) -> None:
+    arm = Told(Outcome(status))
+    assert insert(arm, STEP, MOVE, LIMITS, silent).status is status
+    assert len(arm.pushes) == 1 and arm.ways == []
+
+
+@pytest.mark.parametrize("ahead", [-1e-3, 0.0, 1e-3])
+def test_a_push_ends_at_the_planned_place_wherever_the_arm_stands(ahead: float) -> None:
+    axis, length = insertion_axis(MOVE.path)
+    start = np.array(MOVE.path[0].tcp)
+    start[:3] += ahead * axis
+    arm = Told(Outcome(ExecutionStatus.SUCCEEDED, "", None, None, length - ahead))
+    outcome = insert(arm, STEP, MOVE, LIMITS, silent, state_at(start.tolist()))
+    assert arm.pushes[0][1] == pytest.approx(length - ahead)
+    assert outcome.depth_m == pytest.approx(length)

@@ -1,0 +1,66 @@
+"""Statics and MuJoCo give the same verdicts just below and just above the critical tilt of random assemblies."""
+
+import numpy as np
+import pytest
+from physics_models import stack, tongue
+
+from benchmarks.agreement import Comparison, Probe, random_case
+from mocca_robot.contacts.find import find_contacts
+from mocca_robot.statics.cases import case_at
+from mocca_robot.statics.loads import tilted_gravity
+from sim.disagreement import cause
+from sim.scene import with_gravity
+from sim.shapes.contact_model import contact_model
+from sim.stability import Limits, Verdict, judged
+from sim.tilt import tilt_scene
+
+CASES = [(kind, seed) for kind in ("stack", "wall", "arch", "voronoi") for seed in (0, 1)]
+CASES += [("notched", 1), ("notched", 2), ("ridged", 0), ("ridged", 2), ("blocks", 1), ("peaks", 0), ("peaks", 2)]
+CASES += [("wall", 3), ("arch", 3), ("solid_arch", 1)]
+
+
+@pytest.mark.parametrize(("kind", "seed"), CASES)
+def test_verdicts_agree_away_from_the_critical_tilt(kind: str, seed: int) -> None:
+    found = random_case(kind, seed)
+    assert isinstance(found, Comparison)
+    assert found.verdict == "agree", found.words()
+
+
+def test_a_verdict_agrees_only_where_both_decide_alike() -> None:
+    below, above = Probe(0.1, "equilibrium", "stands", ""), Probe(0.2, "not_in_equilibrium", "fell", "")
+    assert Comparison(0.15, 0.4, (below, above)).verdict == "agree"
+    wrong = [("equilibrium", "fell"), ("not_in_equilibrium", "stands"), ("equilibrium", "failed")]
+    for statics, physics in [*wrong, ("inaccurate", "fell")]:
+        assert Comparison(0.15, 0.4, (below, Probe(0.2, statics, physics, ""))).verdict == "DISAGREE"
+    assert Comparison(0.0, 0.4, ()).verdict == "near"
+
+
+def test_contacts_that_are_too_soft_are_found_to_be_the_cause() -> None:
+    """A tongue that stands with fine steps falls with the coarse one alone."""
+    assembly = tongue(0.004)
+    contacts = find_contacts(assembly).contacts
+    scene = tilt_scene(assembly, contact_model(assembly, contacts))
+    soft = judged(scene, Limits(finer=()))
+    assert soft.verdict is Verdict.FELL
+    assert cause(assembly, contacts, case_at(assembly, 0.0, 0.0), scene, soft).startswith("soft contacts: stands")
+
+
+def test_a_fall_of_parts_that_press_on_each_other_is_not_excused() -> None:
+    """A stack slides because MuJoCo has been given a third of the friction: no clamping could be blamed for that."""
+    assembly = stack(3)
+    contacts = find_contacts(assembly).contacts
+    tilt = np.arctan(0.2)
+    scene = with_gravity(
+        tilt_scene(assembly, contact_model(assembly, contacts, 0.3), 0.3), tilted_gravity(assembly.gravity, tilt, 0.0)
+    )
+    scene.model.pair_friction[:, :2] = 0.1
+    fell = judged(scene, Limits(finer=()))
+    assert fell.verdict is Verdict.FELL
+    assert cause(assembly, contacts, case_at(assembly, tilt, 0.0), scene, fell).startswith("none found")
+
+
+def test_friction_that_only_clamping_would_make_is_found_to_be_the_cause() -> None:
+    """A stack tips over its edge out of a groove whose walls statics lets pinch the tongue as hard as it likes."""
+    found = random_case("notched", 11)
+    assert isinstance(found, Comparison) and found.verdict == "DISAGREE"
+    assert found.cause.startswith("friction not made by the fall")
