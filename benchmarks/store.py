@@ -14,7 +14,7 @@ from importlib import metadata
 from pathlib import Path
 
 from benchmarks.measurement import Measurement
-from mocca_robot.cli.info import cpu
+from mocca_robot.runtime.machine import processor
 
 FOLDER = Path(__file__).parents[1] / "out" / "bench"
 NOISE_RATIO, NOISE_S = 1.5, 0.02
@@ -35,7 +35,7 @@ def about_here() -> dict[str, str]:
     """Return date, machine and versions; 'load' is the number of other processes that wanted a core at the end."""
     found = {
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        "machine": f"{cpu()}, {os.cpu_count()} cores",
+        "machine": f"{processor()}, {os.cpu_count()} cores",
         "system": f"{platform.system()} {platform.release()}, Python {platform.python_version()}",
         "load": f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown",
     }
@@ -49,7 +49,7 @@ def about_here() -> dict[str, str]:
 
 def machine_key() -> str:
     """Return a name of this machine for files: its processor and number of cores."""
-    return re.sub(r"[^a-z0-9]+", "-", f"{cpu()}-{os.cpu_count()}".lower()).strip("-")[:80]
+    return re.sub(r"[^a-z0-9]+", "-", f"{processor()}-{os.cpu_count()}".lower()).strip("-")[:80]
 
 
 def path_of(bench: str, quick: bool, folder: Path = FOLDER) -> Path:

@@ -13,6 +13,7 @@ from typing import Any
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode, positive_if
+from mocca_robot.runtime.machine import processor
 
 PACKAGES = (
     *("numpy", "scipy", "networkx", "shapely", "trimesh", "manifold3d", "mapbox-earcut", "lxml", "mujoco"),
@@ -53,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
             "python": platform.python_version(),
             "executable": sys.executable,
             "system": platform.platform(),
-            "cpu": cpu(),
+            "cpu": processor(),
             "cores": os.cpu_count(),
             "solvers": {name: solver(name) for name in SOLVERS},
             "packages": {name: version(name) for name in PACKAGES},
@@ -136,15 +137,3 @@ def opengl(backend: str) -> str:
     lines = [line for line in done.stderr.splitlines() if line.strip() and not line.startswith(" ")]
     errors = [line for line in lines if "Error" in line]
     return f"not available ({(errors or lines or ['stopped without a word'])[0][:120]})"
-
-
-def cpu() -> str:
-    """Return the processor's name as the system tells it."""
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as file:
-            for line in file:
-                if line.startswith("model name"):
-                    return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
