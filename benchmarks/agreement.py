@@ -134,14 +134,24 @@ def _row(case: tuple[str, str, Callable[[], Comparison | str]]) -> Measurement:
     return Measurement(bench, name, "statics|mujoco", seconds, 1, words, float("nan"), float("nan"))
 
 
-def random_case(kind: str, seed: int) -> Comparison | str:
-    """Return the comparison on a random assembly, or why it is none: its friction and azimuth come from the seed."""
+def random_probe(kind: str, seed: int) -> tuple[Assembly, float]:
+    """Return a random assembly and the azimuth (radians) towards which it is tilted."""
     rng = np.random.default_rng((seed, len(kind)))
     assembly = random_solid(kind, seed) if kind in SOLID_KINDS else random_assembly(kind, seed)
-    azimuth = float(rng.choice([0.0, np.pi]) if assembly.dimension == 2 else rng.uniform(0.0, 2.0 * np.pi))
+    return assembly, float(rng.choice([0.0, np.pi]) if assembly.dimension == 2 else rng.uniform(0.0, 2.0 * np.pi))
+
+
+def friction_of(kind: str, seed: int) -> float:
+    """Return the Coulomb coefficient with which a random assembly is compared."""
     frictions = LOCKED_FRICTIONS if kind in (*LOCKED_KINDS, "peaks") else PLAIN_FRICTIONS
+    return frictions[seed % len(frictions)]
+
+
+def random_case(kind: str, seed: int) -> Comparison | str:
+    """Return the comparison on a random assembly, or why it is none: its friction and azimuth come from the seed."""
+    assembly, azimuth = random_probe(kind, seed)
     try:
-        return compared(assembly, frictions[seed % len(frictions)], azimuth)
+        return compared(assembly, friction_of(kind, seed), azimuth)
     except InputError as error:
         return str(error)
 

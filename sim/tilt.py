@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.statics.cases import case_at, critical_tilt
 from mocca_robot.statics.loads import tilt_azimuths, tilted_gravity
 from mocca_robot.tolerances import TILT_AGREEMENT_DEG
+from sim.bracket import bracket
 from sim.disagreement import cause
 from sim.scene import Compiled, compile_scene, with_gravity
 from sim.shapes.contact_model import ContactModel, PairRays, facet_pairs, holding_model
@@ -158,16 +159,16 @@ def physical_tilt(
     def early(angle: float) -> bool:
         return guess - angle > TILT_AGREEMENT_RAD[scene.assembly.dimension] - resolution_rad
 
-    low, high = _bracket(stands_at_once, guess, resolution_rad)
+    low, high = bracket(stands_at_once, guess, resolution_rad)
     if early(high) and stands_after_all(high):
         as_late_as_agrees = guess - TILT_AGREEMENT_RAD[scene.assembly.dimension]
         doubtful = max(resolution_rad, float(DOUBTED_RESOLUTION))
-        low, high = _bracket(stands_after_all, as_late_as_agrees, doubtful, high)
+        low, high = bracket(stands_after_all, as_late_as_agrees, doubtful, high)
     if not early(high) and high < np.pi / 2:
         if stands(high):
-            low, high = _bracket(stands, guess, resolution_rad, high)
+            low, high = bracket(stands, guess, resolution_rad, high)
         elif high - low > resolution_rad:
-            low, high = _bracket(stands, guess, resolution_rad, low)
+            low, high = bracket(stands, guess, resolution_rad, low)
     moved = sure[high].moved if high in sure else ()
     failed = tuple(a for a, found in sure.items() if found.verdict is Verdict.FAILED)
     if high >= np.pi / 2:
@@ -177,31 +178,3 @@ def physical_tilt(
         case = case_at(scene.assembly, high, azimuth_rad)
         why = cause(scene.assembly, contacts, case, scene_at(high), sure[high])
     return TiltReport(azimuth_rad, 0.5 * (low + high), guess, friction, moved, failed, 0.5 * (high - low), why)
-
-
-def _bracket(stands: Callable[[float], bool], guess: float, width: float, stood: float = -1.0) -> tuple[float, float]:
-    """Return the largest tilt that stood and the smallest that fell, at most `width` apart; 0, 0 when none stands.
-
-    `stood` is a tilt that is known to stand.
-    """
-    low, high = max(stood, -width), np.pi / 2
-    for angle in _probes(guess, width):
-        if low < angle < high:
-            low, high = (angle, high) if stands(angle) else (low, angle)
-    if low < 0.0:
-        low, high = (0.0, high) if stands(0.0) else (0.0, 0.0)
-    while high - low > width:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if stands(middle) else (low, middle)
-    return low, float(high)
-
-
-def _probes(guess: float, width: float) -> list[float]:
-    """Return tilts that bracket `guess` ever more widely, first as narrowly as is asked for.
-
-    Never the guess itself: exactly at the critical tilt a fall takes longest to tell.
-    """
-    out = []
-    for spread in (0.49, 4.0, 16.0, 64.0):
-        out += [guess - spread * width, guess + spread * width]
-    return [a for a in out if 0.0 < a < np.pi / 2]

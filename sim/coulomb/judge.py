@@ -1,0 +1,141 @@
+"""Does an assembly, or a state of it, stand with friction, and up to which tilt?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.assembly import Assembly
+from mocca_robot.contacts.contact import Contact
+from mocca_robot.joints.joint import contact_rays
+from mocca_robot.statics.cases import case_at
+from mocca_robot.statics.loads import LoadCase, case_wrenches
+from sim.bracket import bracket
+from sim.coulomb.settle import COURSE, Course, Outcome, Settled, settle
+from sim.coulomb.springs import Springs
+from sim.motion import reach
+
+RESOLUTION_RAD = float(np.deg2rad(0.1))
+"""Width at which the search for a critical tilt ends."""
+MOVED = 0.05
+"""Way of a part, relative to the farthest, from which it takes part in a fall; what stands gives by less."""
+
+Points = tuple[IntArray, Array, Array]
+"""Contact points: pairs (K, 2) of parts, points (K, d) in metres, and unit normals (K, d) from the earlier part."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rubbing:
+    """An assembly whose contacts rub.
+
+    Attributes:
+        assembly: parts where they belong.
+        contacts: all contacts.
+        friction: Coulomb coefficient.
+        points: where the parts touch; by default every corner of every contact, as in statics.
+        shear_ratio: tangential stiffness of the contacts as a multiple of the normal one.
+    """
+
+    assembly: Assembly
+    contacts: Sequence[Contact]
+    friction: float
+    points: Points | None = None
+    shear_ratio: float = 1.0
+
+    @cached_property
+    def whole(self) -> Springs:
+        """Return the springs of the finished assembly."""
+        return self.springs(np.ones(len(self.assembly.parts), dtype=np.bool_), self.assembly.fixed)
+
+    def springs(self, present: BoolArray, held: BoolArray) -> Springs:
+        """Return the springs between the parts that are there; `present` and `held` are (N,)."""
+        pairs, points, normals = contact_rays(self.contacts) if self.points is None else self.points
+        there = present[pairs].all(axis=1)
+        return Springs.build(
+            pairs[there],
+            points[there],
+            normals[there],
+            friction=self.friction,
+            free=present & ~held,
+            about=np.array([p.centroid for p in self.assembly.parts]),
+            length=self.assembly.size / 2,
+            shear_ratio=self.shear_ratio,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What a load case does.
+
+    Attributes:
+        settled: the verdict with its evidence.
+        moved: names of the parts that fall, in assembly order; none where it stands.
+    """
+
+    settled: Settled
+    moved: tuple[str, ...]
+
+    @property
+    def stands(self) -> bool:
+        """Return whether it stands; false also where there is no verdict."""
+        return self.settled.outcome is Outcome.STANDS
+
+
+def standing(rubbing: Rubbing, case: LoadCase, course: Course = COURSE) -> Standing:
+    """Return whether the parts that are there stand when the load of `case` grows from zero."""
+    assembly = rubbing.assembly
+    springs = rubbing.springs(case.present, case.held)
+    return _told(assembly, settle(springs, case_wrenches(case, assembly, rubbing.contacts), course))
+
+
+@dataclass(frozen=True, eq=False)
+class TiltBracket:
+    """Where a critical tilt lies.
+
+    Attributes:
+        stood_rad, fell_rad: the largest tilt that stood and the smallest that did not; both 0 when it falls upright,
+            both π/2 when it stands at every tilt.
+        runs: what each tilt (radians) that was tried did.
+    """
+
+    stood_rad: float
+    fell_rad: float
+    runs: dict[float, Standing]
+
+
+def tilt_bracket(
+    rubbing: Rubbing,
+    azimuth_rad: float,
+    guess_rad: float,
+    resolution_rad: float = RESOLUTION_RAD,
+    course: Course = COURSE,
+) -> TiltBracket:
+    """Return between which tilts towards an azimuth the finished assembly stops standing.
+
+    Every tilt's load grows from zero by itself: that is the history the verdict is about. A guess saves runs.
+    """
+    assembly, runs = rubbing.assembly, dict[float, Standing]()
+
+    def stands(angle: float) -> bool:
+        if angle not in runs:
+            wrenches = case_wrenches(case_at(assembly, angle, azimuth_rad), assembly, rubbing.contacts)
+            runs[angle] = _told(assembly, settle(rubbing.whole, wrenches, course))
+        return runs[angle].stands
+
+    low, high = bracket(stands, guess_rad, resolution_rad)
+    if high >= np.pi / 2 and stands(np.pi / 2):
+        low = high
+    return TiltBracket(low, high, runs)
+
+
+def _told(assembly: Assembly, settled: Settled) -> Standing:
+    if settled.outcome is Outcome.STANDS:
+        return Standing(settled, ())
+    d = assembly.dimension
+    shift, turn = settled.motions[:, :d], settled.motions[:, d:]
+    way = np.linalg.norm(shift, axis=1) + reach(assembly) * np.linalg.norm(turn, axis=1)
+    return Standing(settled, tuple(p.name for p, w in zip(assembly.parts, way) if w > MOVED * way.max()))

@@ -1,0 +1,153 @@
+"""Does it stand? The load grows from nothing on springs with Coulomb friction until all rests, or something goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from mocca_robot.arrays import Array, read_only
+from sim.coulomb.kernel import Resting, advance
+from sim.coulomb.springs import VISCOSITY, Springs
+
+
+@dataclass(frozen=True, kw_only=True)
+class Course:
+    """How the load is brought on, and when a run is over.
+
+    Attributes:
+        ramp: steps in which the load grows to all of it; four and a quarter times as many change no critical tilt of a
+            wall of 150 or a dome of 140 bricks.
+        damping: see `sim.coulomb.kernel.advance`.
+        gone: a contact that opens or slides by so many times what the springs give has gone, and it falls. Springs of
+            real contacts give about a thousandth of a millimetre.
+        balanced: what rests: force that nothing balances, relative to the load, and speed per step, relative to what
+            the springs give.
+        most: steps after which there is no verdict.
+        look: steps between two looks.
+    """
+
+    ramp: int = 4000
+    damping: float = 0.5
+    gone: float = 3e3
+    balanced: float = 1e-6
+    most: int = 200_000
+    look: int = 100
+
+
+COURSE = Course()
+
+
+class Outcome(StrEnum):
+    """What a run says."""
+
+    STANDS = "stands"
+    FALLS = "falls"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Settled:
+    """A verdict with its evidence.
+
+    Attributes:
+        outcome: stands, falls, or undecided when the steps ran out.
+        unbalanced: largest force on a part that contact forces do not balance, relative to the largest load. It is
+            computed anew from `forces`.
+        fastest: largest speed of a part, per step, relative to what the springs give.
+        farthest: farthest that a contact has opened or slid, relative to what the springs give.
+        power: of the load on the last motion, per step, in units of the load and of what the springs give; a fall
+            gains, and what rests has none.
+        motions: (N, dof) [shift; turn] of every part since the start, relative to what the springs give. A shape of
+            motion, of no size: how much springs give is not known.
+        forces: (K, d) newtons on the later part of every contact point given.
+        steps: of the run.
+    """
+
+    outcome: Outcome
+    unbalanced: float
+    fastest: float
+    farthest: float
+    power: float
+    motions: Array
+    forces: Array
+    steps: int
+
+
+def settle(springs: Springs, wrenches: Array, course: Course = COURSE) -> Settled:
+    """Return whether the parts stand under world wrenches (N, dof) about the origin that grow from zero.
+
+    They stand when everything rests, and fall when a contact has opened or slid by `course.gone` and the load gains by
+    what still moves. Points and normals stay where they are: the verdict is on the geometry as it is given.
+    """
+    load, unit = springs.load(wrenches)
+    state = _at_rest(springs)
+    steps = 0
+    seen = _Seen.of(springs, load, state, 0.0)
+    while steps < course.most:
+        advance(springs.contacts, load, state, steps, course.look, course.ramp, course.damping, VISCOSITY)
+        steps += course.look
+        seen = _Seen.of(springs, load, state, min(1.0, steps / course.ramp))
+        outcome = _outcome(seen, steps, course)
+        if outcome is not Outcome.UNDECIDED:
+            break
+    else:
+        outcome = Outcome.UNDECIDED
+    pushes = np.column_stack([np.maximum(0.0, -springs.contacts.normal * state.gap), state.shear])
+    forces = np.zeros((len(springs.used), springs.axes.shape[1]))
+    forces[springs.used] = unit * np.einsum("ck,ckx->cx", pushes, springs.axes)
+    largest = float(np.linalg.norm(load, axis=1).max(initial=0.0)) or 1.0
+    left = np.linalg.norm(load + springs.resultant(pushes), axis=1)
+    return Settled(
+        outcome=outcome,
+        unbalanced=float(left.max(initial=0.0)) / largest,
+        fastest=seen.fastest,
+        farthest=seen.farthest,
+        power=seen.power,
+        motions=read_only(springs.motions(state.motion[:-1] / seen.give)),
+        forces=read_only(forces),
+        steps=steps,
+    )
+
+
+def _at_rest(springs: Springs) -> Resting:
+    contacts, d = springs.axes.shape[:2]
+    motion, speed, force = (np.zeros((len(springs.free) + 1, springs.dof)) for _ in range(3))
+    return Resting(motion, speed, force, np.zeros(contacts), np.zeros((contacts, d - 1)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Seen:
+    """One look at a run; `give` is what the springs give, the rest as in `Settled`."""
+
+    give: float
+    unbalanced: float
+    fastest: float
+    farthest: float
+    power: float
+
+    @classmethod
+    def of(cls, springs: Springs, load: Array, state: Resting, share: float) -> _Seen:
+        contacts, motion, speed = springs.contacts, state.motion[:-1], state.speed[:-1]
+        bent = np.linalg.norm(state.shear, axis=1) / contacts.tangential
+        give = max(share, float(-state.gap.min(initial=0.0)), float(bent.max(initial=0.0))) or 1.0
+        way = springs.relative(motion)
+        gone = np.maximum(way[:, 0], np.linalg.norm(way[:, 1:], axis=1))
+        adrift = np.linalg.norm(motion[springs.adrift], axis=1)
+        largest = float(np.linalg.norm(load, axis=1).max(initial=0.0)) or 1.0
+        return cls(
+            give=give,
+            unbalanced=float(np.linalg.norm(state.force[:-1], axis=1).max(initial=0.0)) / largest,
+            fastest=float(np.linalg.norm(speed, axis=1).max(initial=0.0)) / give,
+            farthest=max(float(gone.max(initial=0.0)), float(adrift.max(initial=0.0))) / give,
+            power=float((load * speed).sum()) / give,
+        )
+
+
+def _outcome(seen: _Seen, steps: int, course: Course) -> Outcome:
+    if seen.farthest > course.gone and seen.power > 0.0:
+        return Outcome.FALLS
+    if steps >= course.ramp and max(seen.unbalanced, seen.fastest) < course.balanced:
+        return Outcome.STANDS
+    return Outcome.UNDECIDED
