@@ -11,7 +11,7 @@ from mocca_robot.arrays import Array, read_only
 from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.contacts.contact import Contact, ContactReport, NearMiss, Overlap
 from mocca_robot.geometry.polygons import to_shapely
-from mocca_robot.tolerances import Tolerances
+from mocca_robot.tolerances import TOLERANCES, Tolerances
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,12 @@ class _Edges:
         return cls(np.concatenate(part), starts, ends, delta / np.maximum(length, 1e-300)[:, None], length)
 
 
-def find_contacts_2d(assembly: Assembly, tolerances: Tolerances) -> ContactReport:
+def find_contacts_2d(assembly: Assembly, tolerances: Tolerances = TOLERANCES) -> ContactReport:
+    """Return all contacts between the outlines of `assembly`, exact up to `tolerances.contact_gap` × size.
+
+    Contacts come sorted by pair, then along the earlier part's boundary: edge by edge, from start to end. So the
+    numbering of a pair depends on these two parts alone.
+    """
     size = assembly.size
     gap, near = tolerances.contact_gap * size, tolerances.near_miss * size
     edges = _Edges.of(assembly)
@@ -66,15 +71,16 @@ def find_contacts_2d(assembly: Assembly, tolerances: Tolerances) -> ContactRepor
     long_enough = s1 - s0 > tolerances.min_contact * size
     touching = long_enough & (widest <= gap)
 
-    found: list[tuple[int, int, float, Array, Array]] = []
+    found: list[tuple[int, int, int, float, Array, Array]] = []
     for e in np.flatnonzero(touching):
         # An end of a shared stretch is always a corner of one of the two parts: take its exact coordinates.
         p1 = edges.start[a[e]] if s0[e] <= gap else edges.end[b[e]]
         p2 = edges.end[a[e]] if s1[e] >= edges.length[a[e]] - gap else edges.start[b[e]]
-        found.append((int(edges.part[a[e]]), int(edges.part[b[e]]), float(a[e]), np.stack([p1, p2]), outward[e]))
-    found.sort(key=lambda f: (f[0], f[1], f[2], float(f[3][0] @ t[0])))
+        pair = int(edges.part[a[e]]), int(edges.part[b[e]])
+        found.append((*pair, int(a[e]), float(s0[e]), np.stack([p1, p2]), outward[e]))
+    found.sort(key=lambda f: f[:4])
     contacts: list[Contact] = []
-    for i, j, _, segment, normal in found:
+    for i, j, _, _, segment, normal in found:
         k = contacts[-1].k + 1 if contacts and contacts[-1].parts == (i, j) else 0
         contacts.append(Contact((i, j), read_only(segment), read_only(normal), k))
 

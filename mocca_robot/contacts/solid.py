@@ -22,15 +22,16 @@ from mocca_robot.tolerances import TOLERANCES, Tolerances
 NEARLY_PARALLEL_RAD = 0.05
 """Faces that differ by less and nearly touch were probably meant to; the same limit as in 2D."""
 
-Found = tuple[int, int, int, Array, tuple[Array, ...], Array]
-"""Parts i and j, the facet of i, outer loop, holes, normal."""
+Found = tuple[int, int, int, int, Array, tuple[Array, ...], Array]
+"""Parts i and j, the facets of i and of j, outer loop, holes, normal."""
 
 
 def find_contacts_3d(assembly: Assembly, tolerances: Tolerances = TOLERANCES) -> ContactReport:
     """Return all contacts between the polyhedra of `assembly`, exact up to `tolerances.contact_gap` × size.
 
     A contact polygon may be non-convex and have holes; its corners are corners of either mesh, bit for bit,
-    wherever they are not crossings of two edges. Contacts come sorted by pair, then by the earlier part's facet.
+    wherever they are not crossings of two edges. Contacts come sorted by pair, then by the earlier part's facet and the
+    later part's: the numbering of a pair depends on these two parts alone.
     """
     meshes = [p.shape for p in assembly.parts if isinstance(p.shape, Mesh)]
     size = assembly.size
@@ -38,9 +39,9 @@ def find_contacts_3d(assembly: Assembly, tolerances: Tolerances = TOLERANCES) ->
     found, spent, partner = _shared_facets(faces, tolerances.contact_gap * size)
     flat, misses = _facet_overlaps(faces, spent, tolerances, size)
     found += flat
-    found.sort(key=lambda f: f[:3])
+    found.sort(key=lambda f: f[:4])
     contacts: list[Contact] = []
-    for i, j, _, outer, holes, normal in found:
+    for i, j, _, _, outer, holes, normal in found:
         again = bool(contacts) and contacts[-1].parts == (i, j)
         k = contacts[-1].k + 1 if again else 0
         contacts.append(Contact((i, j), read_only(outer), read_only(normal), k, tuple(read_only(h) for h in holes)))
@@ -83,14 +84,15 @@ def _shared_facets(faces: FacetSet, gap: float) -> tuple[list[Found], BoolArray,
     found: list[Found] = []
     for t, u in zip(a[single], b[single]):
         corners, normal = faces.vertices[faces.triangles[t]], faces.triangle_normals[t]
-        found.append((int(faces.part[t]), int(faces.part[u]), int(faces.facet[t]), corners, (), normal))
+        pair, both = (int(faces.part[t]), int(faces.part[u])), (int(faces.facet[t]), int(faces.facet[u]))
+        found.append((*pair, *both, corners, (), normal))
     for facet, other in zip(*np.divmod(pairs[whole & (shared > 1)], len(faces.count))):
         loops = [faces.vertices[loop] for loop in faces.loops(int(facet))]
         if len(loops) > 1:
             loops.sort(key=lambda loop: -float(np.linalg.norm(np.cross(loop, np.roll(loop, -1, axis=0)).sum(axis=0))))
         outer, *holes = (_without_straight_corners(loop, gap) for loop in loops)
         i, j = int(faces.facet_part[facet]), int(faces.facet_part[other])
-        found.append((i, j, int(facet), outer, tuple(holes), faces.normals[facet]))
+        found.append((i, j, int(facet), int(other), outer, tuple(holes), faces.normals[facet]))
     return found, spent, partner
 
 
@@ -166,7 +168,7 @@ def _facet_overlaps(
                 )
                 if len(outer) >= 3:
                     kept = tuple(h for h in holes if len(h) >= 3)
-                    found.append((*pair, fa, outer, kept, mine.normal))
+                    found.append((*pair, fa, fb, outer, kept, mine.normal))
                 continue
             parallel_enough = np.ptp(rise) <= NEARLY_PARALLEL_RAD * np.sqrt(piece.area)
             if widest <= near and parallel_enough and widest < misses.get(pair, (np.inf, 0.0))[0]:

@@ -49,6 +49,26 @@ def test_normals_point_from_the_earlier_into_the_later_part():
     assert find_contacts(assembly(high, low)).contacts[0].normal @ [0, 0, 1] == pytest.approx(-1)
 
 
+def test_other_parts_swap_no_numbers_of_a_pair():
+    """A table and a bridge with many feet on one face, alone and behind parts that change how the search runs."""
+    table = box((0, 0, 0), (8, 2, 1))
+    feet = [((x, 1), (x + 0.5, 1), (x + 0.5, 2), (x + 1, 2)) for x in range(8)]
+    outline = np.array([*(corner for foot in feet for corner in foot), (8, 3), (0, 3)])
+    bridge = prism(outline.astype(float), 0, 2)
+    bridge = Mesh(bridge.vertices[:, [0, 2, 1]], bridge.faces[:, ::-1])
+
+    def numbered(*others: Mesh) -> list[tuple[int, list[list[float]]]]:
+        contacts = find_contacts(assembly(*others, table, bridge)).contacts
+        return [(c.k, c.polygon.tolist()) for c in contacts if c.parts == (len(others), len(others) + 1)]
+
+    alone = numbered()
+    assert [k for k, _ in alone] == list(range(8))
+    for count in range(1, 30, 4):
+        tower = [box((20, 0, 9.0 * k), (21, 1, 9.0 * k + 1)) for k in range(count)]
+        assert numbered(*tower) == alone
+        assert numbered(*(Mesh(t.vertices[:, [2, 0, 1]], t.faces) for t in tower)) == alone
+
+
 def test_an_ell_gives_two_contacts_and_a_non_convex_one():
     ell = prism(np.array([[0, 0], [3, 0], [3, 1], [1, 1], [1, 3], [0, 3]], float), 0, 1)
     report = find_contacts(assembly(ell, box((1, 1, 0), (2, 2, 1)), box((0, 0, 1), (3, 3, 2))))
