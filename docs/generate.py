@@ -1,8 +1,9 @@
 """Write the pages of the documentation that are made from the code: `python docs/generate.py` (or `make docs`).
 
 cli.md comes from the argument parsers, config.md, cells.md and the JSON Schemas of YAML files from their tables of
-keys, api.md from the docstrings of the public names, changelog.md from CHANGELOG.md, the gallery from what
-docs/gallery.py measured. A test compares them with what the code says.
+keys, api.md from the docstrings of the public names, changelog.md from CHANGELOG.md, the picture of the house from the
+code's imports (docs/house.py), the gallery from what docs/gallery.py measured. A test compares them with what the code
+says.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ def pages() -> dict[str, str]:
         "api.md": api_page(),
         "changelog.md": NOTICE + (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"),
         "cells.md": cell_page(),
+        "assets/house.svg": _module("house").picture(),
         **schemas(),
         **_module("gallery_pages").pages(),
     }

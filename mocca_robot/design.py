@@ -1,4 +1,4 @@
-"""What a design run leaves behind, and the independent check of it from nothing but its geometry."""
+"""What a design run leaves behind: built parts, joints, insertions, load cases."""
 
 from __future__ import annotations
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import networkx as nx
 import pytest
+from house import FLOORS, LINE, imports, modules, room_of
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("mocca_robot", "planners", "sim")
 HEAVY = {"numpy", "scipy", "mujoco", "shapely", "trimesh", "networkx", "matplotlib", "clarabel", "rich", "yaml", "lxml"}
 SPEAKERS = (
     "mocca_robot/cli/execute.py",
@@ -20,23 +20,7 @@ SPEAKERS = (
 )
 """Modules that are commands: what they print is their product."""
 
-FLOORS = (
-    ("mocca_robot.errors", "mocca_robot.arrays", "mocca_robot.tolerances"),
-    ("mocca_robot.assembly",),
-    ("mocca_robot.geometry", "mocca_robot.runtime"),
-    ("mocca_robot.contacts", "mocca_robot.statics.solver"),
-    ("mocca_robot.joints",),
-    ("mocca_robot.design", "mocca_robot.statics", "mocca_robot.motion"),
-    ("mocca_robot.files", "mocca_robot.verdicts"),
-    ("mocca_robot.fabrication", "mocca_robot.generators", "mocca_robot.plan"),
-    ("mocca_robot.config", "mocca_robot.report", "mocca_robot.ur"),
-    ("planners", "mocca_robot"),
-    ("sim",),
-    ("mocca_robot.cli",),
-)
-"""The rooms of the house, floor by floor: a room imports only from floors below its own."""
-
-MODULES = sorted(p for package in PACKAGES for p in (ROOT / package).rglob("*.py"))
+MODULES = list(modules().values())
 
 
 def name_of(path: Path) -> str:
@@ -53,36 +37,11 @@ def imported(path: Path) -> Iterator[str]:
             yield node.module or ""
 
 
-def module_of(path: Path) -> str:
-    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-
-
-def graph() -> dict[str, set[str]]:
-    """Return which modules every module imports; a name that is itself a module counts as that module."""
-    known = {module_of(p): p for p in MODULES}
-    found: dict[str, set[str]] = {}
-    for name, path in known.items():
-        found[name] = set()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in PACKAGES:
-                found[name] |= {f"{node.module}.{a.name}" for a in node.names} & set(known) or {str(node.module)}
-            elif isinstance(node, ast.Import):
-                found[name] |= {a.name for a in node.names} & set(known)
-    return found
-
-
-def room_of(module: str) -> str:
-    """Return the room of a module: its place in `FLOORS`, the longest name that fits."""
-    fitting = [room for floor in FLOORS for room in floor if module == room or module.startswith(f"{room}.")]
-    assert fitting, f"{module} is in no room; give it one in FLOORS, above all that it imports"
-    return max(fitting, key=len)
-
-
 def test_imports_run_one_way() -> None:
     floor = {room: height for height, rooms in enumerate(FLOORS) for room in rooms}
     upwards = [
         f"{name} imports {target}"
-        for name, targets in graph().items()
+        for name, targets in imports().items()
         for target in targets
         if room_of(name) != room_of(target) and floor[room_of(target)] >= floor[room_of(name)]
     ]
@@ -90,15 +49,16 @@ def test_imports_run_one_way() -> None:
 
 
 def test_no_modules_import_each_other_in_a_circle() -> None:
-    imports = nx.DiGraph([(name, target) for name, targets in graph().items() for target in targets])
-    assert not [sorted(circle) for circle in nx.strongly_connected_components(imports) if len(circle) > 1]
+    graph = nx.DiGraph([(name, target) for name, targets in imports().items() for target in targets])
+    assert not [sorted(circle) for circle in nx.strongly_connected_components(graph) if len(circle) > 1]
 
 
 def test_the_house_stays_small_enough_to_know() -> None:
     assert len(FLOORS) <= 12
     assert sum(map(len, FLOORS)) <= 25
-    in_rooms = {room_of(name) for name in graph()}
+    in_rooms = {room_of(name) for name in imports()}
     assert in_rooms == {room for floor in FLOORS for room in floor}, "a room in FLOORS is empty"
+    assert set(LINE) <= in_rooms
 
 
 def test_tests_mirror_the_rooms() -> None:

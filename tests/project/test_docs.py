@@ -56,6 +56,10 @@ def blocks(page: str) -> Iterator[Block]:
         yield Block(found["language"], found["text"], found["order"] or "")
 
 
+def text(page: str) -> str:
+    return (DOCS / page).read_text(encoding="utf-8")
+
+
 def commands(text: str) -> Iterator[list[str]]:
     for line in text.splitlines():
         if line.startswith("mocca-robot "):
@@ -163,9 +167,9 @@ def test_every_verdict_and_error_is_explained() -> None:
     assert kinds and kinds | named | errors <= headings
 
 
-def test_every_equation_names_functions_that_exist() -> None:
-    page = (DOCS / "method.md").read_text(encoding="utf-8")
-    for dotted in set(re.findall(r"`((?:mocca_robot|planners|sim)(?:\.\w+)+)`", page)):
+@pytest.mark.parametrize("page", PAGES)
+def test_code_that_a_page_names_exists(page: str) -> None:
+    for dotted in set(re.findall(r"`((?:mocca_robot|planners|sim)(?:\.\w+)+)`", text(page))):
         value: Any = None
         for k in range(dotted.count(".") + 1, 0, -1):
             module = ".".join(dotted.split(".")[:k])
@@ -179,8 +183,14 @@ def test_every_equation_names_functions_that_exist() -> None:
         assert value is not None, dotted
 
 
+@pytest.mark.parametrize("page", [*PAGES, "../README.md"])
+def test_files_that_a_page_names_exist(page: str) -> None:
+    for path in re.findall(r"`((?:mocca_robot|planners|sim|docs|tests|benchmarks|configs)/[\w/.]*)`", text(page)):
+        assert (ROOT / path).exists(), path
+
+
 def test_every_equation_of_the_article_has_its_row() -> None:
-    page = (DOCS / "method.md").read_text(encoding="utf-8").partition("## Equation by equation")[2]
+    page = text("architecture.md").partition("## Equation by equation")[2]
     rows = {int(number): where for number, where in re.findall(r"^\| (\d+) \|.*\| ([^|]+) \|$", page, re.MULTILINE)}
     assert sorted(rows) == list(range(1, 20))
     assert all("`mocca_robot." in w or "`planners." in w or w.startswith("not used: ") for w in rows.values())
