@@ -13,8 +13,8 @@ from typing import Any, TypeAlias
 from mocca_robot.runtime.content_hash import content_hash
 from sim.motion import abandoned
 
-GRACE_S = 5.0
-"""After Ctrl-C, trials that have begun may take so long to finish; then they are abandoned."""
+GRACE_S = 0.8
+"""After Ctrl-C, trials that have begun may take so long to finish; then they are abandoned. People wait for it."""
 Row: TypeAlias = dict[str, Any]
 """A finished trial as plain JSON values."""
 
@@ -80,7 +80,7 @@ def run_trials(
 ) -> list[Row | None]:
     """Return one row per trial, in order; None for those that an interruption (Ctrl-C) left undone.
 
-    Trials run on `executor`, which stays open; by default on `threads` threads, one per core.
+    Trials run on `executor`, which stays open unless Ctrl-C ends it; by default on `threads` threads, one per core.
 
     `progress` is called in this thread with (label, done, total). An error in one trial stops the rest and is
     raised; finished trials stay in the store.
@@ -112,7 +112,9 @@ def run_trials(
             if future.exception() is None:
                 rows[waiting[future]] = future.result()
                 store.put(keys[waiting[future]], future.result())
-        abandoned.set()
+        abandoned.set()  # heard by threads; processes are ended
+        if executor is not None:
+            executor.shutdown(wait=False, cancel_futures=True)
     finally:
         for future in waiting:
             future.cancel()

@@ -85,6 +85,7 @@ class LocalProcesses(Executor):
             try:
                 return pool.submit(fn, *args, **kwargs).result()
             except BrokenProcessPool:
+                pool.shutdown()  # the system forgets a process that ended only when somebody asks how
                 self._pools.discard(pool)
                 self._here.pool = None
         raise WorkerLost(

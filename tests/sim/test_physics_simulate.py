@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import threading
+import time
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +17,7 @@ from physics_models import WIDTH, box_stack_3d, jointed, stack
 
 from mocca_robot.errors import InputError
 from mocca_robot.runtime.content_hash import content_hash
+from mocca_robot.runtime.executors import executor
 from sim.motion import Abandoned, abandoned
 from sim.questions import Questions
 from sim.robust import RobustOptions, wilson
@@ -121,6 +126,29 @@ def test_what_takes_too_long_after_an_interruption_is_abandoned(monkeypatch):
 
     rows = run_trials([Trial("quick", ("q",), dict), Trial("endless", ("e",), endless)], TrialStore(), 2, stop)
     assert rows == [{}, None]
+
+
+def wait_for_ever(file: Path) -> dict[str, object]:
+    """A trial that says which process it runs in, and never ends."""
+    file.write_text(str(os.getpid()), encoding="utf-8")
+    time.sleep(1e6)
+    return {}
+
+
+def test_after_an_interruption_no_process_goes_on(tmp_path, monkeypatch):
+    monkeypatch.setattr("sim.trial_store.GRACE_S", 0.05)
+    begun = tmp_path / "begun"
+
+    def stop(label: str, done: int, total: int) -> None:
+        while not (begun.exists() and begun.read_text()):
+            time.sleep(0.02)
+        raise KeyboardInterrupt
+
+    trials = [Trial("quick", ("q",), dict), Trial("endless", ("e",), partial(wait_for_ever, begun))]
+    with executor(2) as processes:
+        assert run_trials(trials, TrialStore(), 2, stop, processes) == [{}, None]
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(begun.read_text()), 0)
 
 
 def test_a_run_that_is_abandoned_says_nothing(monkeypatch):
