@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.statics.cases import solve_rays
 from mocca_robot.statics.loads import LoadCase
@@ -202,12 +203,9 @@ def _seen(assembly: Assembly, motion: Motion) -> int:
 def _around(normal: Array, count: int = 16) -> Array:
     """Return unit vectors across `normal`: two in the plane, `count` in space."""
     if len(normal) == 2:
-        across = np.array([-normal[1], normal[0]])
-        return np.array([across, -across])
-    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    first /= np.linalg.norm(first)
+        return np.concatenate([tangents(normal), -tangents(normal)])
     angles = 2.0 * np.pi * np.arange(count) / count
-    return np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(normal, first))
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1) @ tangents(normal)
 
 
 def _twists(assembly: Assembly, motion: Motion) -> Array:

@@ -17,6 +17,7 @@ from mocca_robot.assembly import Assembly, Mesh
 from mocca_robot.contacts.contact import Contact, ContactReport, NearMiss
 from mocca_robot.contacts.penetration import penetrations
 from mocca_robot.geometry.facets import FacetSet, facets
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.tolerances import TOLERANCES, Tolerances
 
 NEARLY_PARALLEL_RAD = 0.05
@@ -110,10 +111,7 @@ class _Plane:
     @classmethod
     def of(cls, faces: FacetSet, facet: int) -> _Plane:
         normal = faces.normals[facet]
-        seed = np.eye(3)[np.abs(normal).argmin()]
-        first = np.cross(normal, seed)
-        first /= np.linalg.norm(first)
-        axes = np.stack([first, np.cross(normal, first)])
+        axes = tangents(normal)
         loops = faces.loops(facet)
         corners = faces.vertices[np.concatenate(loops)]
         origin = corners[0]

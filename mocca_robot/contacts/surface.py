@@ -6,7 +6,8 @@ import numpy as np
 
 from mocca_robot.arrays import Array, IntArray
 from mocca_robot.contacts.contact import Contact
-from mocca_robot.geometry.triangulation import plane_axes, triangulate_loops
+from mocca_robot.geometry.frames import tangents
+from mocca_robot.geometry.triangulation import triangulate_loops
 
 
 def triangulated(contact: Contact) -> tuple[Array, IntArray]:
@@ -20,14 +21,14 @@ def triangulated(contact: Contact) -> tuple[Array, IntArray]:
         along = float(np.linalg.det(np.array([b - a, c - a, contact.normal]))) > 0.0
         return contact.polygon, np.array([[0, 1, 2]] if along else [[0, 2, 1]])
     vertices, loops = contact_loops(contact)
-    return vertices, triangulate_loops(vertices @ plane_axes(contact.normal).T, loops)
+    return vertices, triangulate_loops(vertices @ tangents(contact.normal).T, loops)
 
 
 def contact_loops(contact: Contact) -> tuple[Array, list[IntArray]]:
     """Return all corners (V, 3) and the boundary loops as indices, the contact to the left seen from P_j."""
     rings = [contact.polygon, *contact.holes]
     vertices = np.concatenate(rings)
-    axes = plane_axes(contact.normal)
+    axes = tangents(contact.normal)
     loops, start = [], 0
     for number, ring in enumerate(rings):
         index = np.arange(start, start + len(ring))

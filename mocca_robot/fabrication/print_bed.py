@@ -15,6 +15,7 @@ from mocca_robot.contacts.contact import Contact
 from mocca_robot.contacts.penetration import solid
 from mocca_robot.errors import InputError
 from mocca_robot.geometry.facets import facets
+from mocca_robot.geometry.frames import tangents
 
 SEGMENTS = {
     "0": "abcdef", "1": "bc", "2": "abged", "3": "abgcd", "4": "fgbc",
@@ -164,10 +165,8 @@ def _laid_down(mesh: Mesh) -> Mesh:
     twice = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     np.add.at(area, found.facet, twice)
     normal = found.normals[int(area.argmax())]
-    seed = np.eye(3)[np.abs(normal).argmin()]
-    first = np.cross(normal, seed)
-    first /= np.linalg.norm(first)
-    turn = np.stack([first, -np.cross(normal, first), -normal])
+    first, second = tangents(normal)
+    turn = np.stack([first, -second, -normal])
     turned = Mesh(mesh.vertices @ turn.T, mesh.faces)
     return _moved(turned, -turned.bounds[0])
 

@@ -10,6 +10,7 @@ import numpy as np
 from mocca_robot.arrays import Array, IntArray
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
+from mocca_robot.geometry.frames import tangents
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,10 +111,7 @@ def triangulate(vertices: Array, face: list[int]) -> list[list[int]]:
         return [[face[0], face[k], face[k + 1]] for k in range(1, len(face) - 1)]
     import mapbox_earcut
 
-    seed = np.eye(3)[np.abs(normal).argmin()]
-    first = np.cross(normal, seed)
-    flat = np.stack([relative @ first / np.linalg.norm(first), relative @ np.cross(normal, first)], axis=1)
-    flat[:, 1] /= np.linalg.norm(np.cross(normal, first))
+    flat = relative @ tangents(normal / np.linalg.norm(normal)).T
     cut = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], dtype=np.uint32)).reshape(-1, 3)
     corners = flat[cut]
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

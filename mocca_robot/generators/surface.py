@@ -16,6 +16,7 @@ from scipy.sparse.linalg import spsolve
 from mocca_robot.arrays import Array, IntArray
 from mocca_robot.assembly import Mesh
 from mocca_robot.errors import InputError
+from mocca_robot.geometry.frames import tangents
 
 FLATTEST = 1e-9
 """Area of a polygon, relative to the squares of its edges, from which it has a normal."""
@@ -86,10 +87,7 @@ def planar_directions(
     directions = start.copy()
     if len(edges) == 0:
         return directions, np.zeros(0)
-    seed = np.eye(3)[np.abs(start).argmin(axis=1)]
-    first = np.cross(start, seed)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    second = np.cross(start, first)
+    first, second = np.moveaxis(tangents(start), 1, 0)
     a, b = edges.T
     span = surface.points[b] - surface.points[a]
     span /= np.linalg.norm(span, axis=1)[:, None]

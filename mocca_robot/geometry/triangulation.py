@@ -19,14 +19,6 @@ SLIVER = 1e-9
 """Triangles whose height is below this share of their longest edge count as degenerate: their normals are noise."""
 
 
-def plane_axes(normal: Array) -> Array:
-    """Return (2, 3) unit axes that span the plane with unit `normal`; first × second = normal."""
-    seed = np.eye(3)[np.abs(normal).argmin()]
-    first = np.cross(seed, normal)
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(normal, first)])
-
-
 def triangulate_loops(points: Array, loops: Sequence[IntArray]) -> IntArray:
     """Return triangles (F, 3) over `points` (V, 2) of the region to the left of `loops` (index arrays).
 

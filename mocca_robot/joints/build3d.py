@@ -19,11 +19,11 @@ from scipy.spatial import KDTree
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly, Mesh
 from mocca_robot.errors import InputError
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.geometry.triangulation import (
     boundary_chain,
     cancelled,
     chain_loops,
-    plane_axes,
     split_facets,
     triangulate_loops,
 )
@@ -187,7 +187,7 @@ def _rest(points: Array, edges: IntArray, normal: Array) -> tuple[IntArray, floa
     if len(chain) == 0:
         return np.zeros((0, 3), dtype=np.int64), 0.0
     used, compact = np.unique(chain, return_inverse=True)
-    flat = (points[used] - points[used[0]]) @ plane_axes(normal).T
+    flat = (points[used] - points[used[0]]) @ tangents(normal).T
     loops = chain_loops(compact.reshape(-1, 2), dict(enumerate(flat)))
     triangles = triangulate_loops(flat, loops)
     a, b, c = (flat[triangles[:, k]] for k in range(3))

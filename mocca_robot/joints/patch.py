@@ -10,7 +10,8 @@ from mocca_robot.arrays import Array, IntArray, read_only
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.contacts.surface import contact_loops
 from mocca_robot.errors import InputError
-from mocca_robot.geometry.triangulation import plane_axes, triangulate_loops
+from mocca_robot.geometry.frames import tangents
+from mocca_robot.geometry.triangulation import triangulate_loops
 from mocca_robot.joints.joint import Joint
 
 
@@ -32,7 +33,7 @@ def joint_with_patch(
     surface, facets = patch
     corners, loops = contact_loops(contact)
     vertices = np.concatenate([corners, surface])
-    axes = plane_axes(contact.normal)
+    axes = tangents(contact.normal)
     flat = (vertices - corners[0]) @ axes.T
     around = rim + len(corners)
     _require_inside(contact, [flat[loop] for loop in loops], flat[around])

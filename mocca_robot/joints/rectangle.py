@@ -10,7 +10,7 @@ import shapely
 
 from mocca_robot.arrays import Array, read_only
 from mocca_robot.contacts.contact import Contact
-from mocca_robot.geometry.triangulation import plane_axes
+from mocca_robot.geometry.frames import tangents
 
 TURNS = 8
 """Orientations tried between 0° and 90° besides those of the polygon's own edges."""
@@ -66,7 +66,7 @@ def largest_rectangle(contact: Contact, margin: float = 0.0) -> Rectangle | None
     to 1e-5 of the area; with holes or notches the rectangle comes from a raster and is then grown until it
     touches. None when nothing fits. Deterministic; about 3 ms for a convex contact.
     """
-    axes = plane_axes(contact.normal)
+    axes = -tangents(contact.normal)  # half a turn on: it decides which way a rectangle's x axis points
     origin = contact.polygon[0]
     rings = [(ring - origin) @ axes.T for ring in (contact.polygon, *contact.holes)]
     found = _in_convex(rings[0], margin) if len(rings) == 1 and _is_convex(rings[0]) else None

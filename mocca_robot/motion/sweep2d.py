@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mocca_robot.arrays import Array, IntArray
 from mocca_robot.assembly import Assembly, Polygon
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.geometry.polygons import to_shapely
 from mocca_robot.tolerances import TOLERANCES
 
@@ -26,7 +27,7 @@ def sweep_blockers_2d(assembly: Assembly, part: int, ways_out: Array) -> tuple[i
     hit: set[int] = set()
     for way in ways_out:
         # Only what overlaps the part's width across the way, and does not lie behind it, can be in it.
-        frame = np.array([[-way[1], way[0]], way]).T
+        frame = np.array([*tangents(way), way]).T
         low, high = obstacles.extent(frame, part)
         mine = outline @ frame
         ahead = (high >= mine.min(axis=0)).all(axis=1) & (low[:, 0] <= mine[:, 0].max())

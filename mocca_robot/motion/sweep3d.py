@@ -17,7 +17,7 @@ import shapely
 from mocca_robot.arrays import Array, IntArray
 from mocca_robot.assembly import Assembly, Mesh
 from mocca_robot.contacts.penetration import shared_volume, solid
-from mocca_robot.geometry.triangulation import plane_axes
+from mocca_robot.geometry.frames import tangents
 
 SWEEP_TOLERANCE = 1e-6
 """Share of the assembly's size below which a hit's width is sliding contact, rounding or weld; as in 2D."""
@@ -38,7 +38,7 @@ def sweep_blockers_3d(assembly: Assembly, part: int, ways_out: Array) -> tuple[i
     corners = _box_corners(assembly)[:part]
     hit: set[int] = set()
     for way in ways_out:
-        frame = np.concatenate([plane_axes(way / np.linalg.norm(way)), way[None] / np.linalg.norm(way)])
+        frame = np.concatenate([tangents(way / np.linalg.norm(way)), way[None] / np.linalg.norm(way)])
         ahead = _Profile((moving.vertices @ frame.T)[moving.faces], 1.0, tolerance)
         if len(ahead.corners) == 0:
             continue

@@ -9,6 +9,7 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.joints.joint import planar
 from mocca_robot.motion.parts_graph import PartMotion, part_motions
 from mocca_robot.motion.sweep2d import free_half_angle_2d, sweep_blockers_2d
@@ -63,13 +64,10 @@ def insertion_rim(axis: Array, alpha_rad: float, count: int = 8) -> Array:
     if alpha_rad <= 0.0:
         return np.asarray(axis[None])
     if len(axis) == 2:
-        side = np.array([-axis[1], axis[0]])
+        (side,) = tangents(axis)
         rim = [np.cos(alpha_rad) * axis + s * np.sin(alpha_rad) * side for s in (1.0, -1.0)]
         return np.array([axis, *rim])
-    seed = np.eye(3)[np.abs(axis).argmin()]
-    first = np.cross(axis, seed)
-    first /= np.linalg.norm(first)
-    second = np.cross(axis, first)
+    first, second = tangents(axis)
     turns = 2 * np.pi * np.arange(count) / count
     ring = np.cos(turns)[:, None] * first + np.sin(turns)[:, None] * second
     return np.concatenate([axis[None], np.cos(alpha_rad) * axis + np.sin(alpha_rad) * ring])

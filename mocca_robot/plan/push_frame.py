@@ -7,16 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from mocca_robot.arrays import Array
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.plan.pose import Six, pose_of, six
 
 
 def frame_along(axis: Array, tcp: Sequence[float]) -> Six:
     """Return the pose of a right-handed frame at the tool's centre point with z along `axis` (3,), unit."""
     z = np.asarray(axis, dtype=np.float64)
-    helper = np.eye(3)[int(np.argmin(np.abs(z)))]
-    x = np.cross(helper, z)
-    x /= np.linalg.norm(x)
+    x, y = -tangents(z)
     matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+    matrix[:3, :3] = np.stack([x, y, z], axis=1)
     matrix[:3, 3] = tcp[:3]
     return six(pose_of(matrix))

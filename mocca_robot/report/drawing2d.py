@@ -12,6 +12,7 @@ from mocca_robot.arrays import Array, IntArray
 from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.design import Insertion
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.geometry.polygons import to_shapely
 from mocca_robot.joints.joint import Joint, contact_rays
 from mocca_robot.report.markup import degrees, esc, point_list, px
@@ -142,7 +143,7 @@ def arrow(start: Array, end: Array, cls: str, title: str = "") -> str:
     if length < 1.5:
         return ""
     unit = along / length
-    side = np.array([-unit[1], unit[0]])
+    (side,) = tangents(unit)
     head = min(7.0, 0.5 * length)
     base = end - head * unit
     tip = np.array([end, base + 0.42 * head * side, base - 0.42 * head * side])
@@ -229,7 +230,7 @@ def free_interval(normals: Array, axis: Array) -> tuple[float, float] | None:
     """Return the angles (lowest, highest) about unit `axis` (2,) of the directions x with normals·x ≥ 0, or None."""
     if len(normals) == 0:
         return -np.pi, np.pi
-    side = np.array([-axis[1], axis[0]])
+    (side,) = tangents(axis)
     angles = np.arctan2(normals @ side, normals @ axis)
     low, high = float(angles.max() - np.pi / 2), float(angles.min() + np.pi / 2)
     return (low, high) if low <= 0.0 <= high else None

@@ -16,6 +16,7 @@ from mocca_robot.contacts.contact import Contact
 from mocca_robot.design import Insertion
 from mocca_robot.fabrication.bill import bill, size
 from mocca_robot.files.output import write_atomic
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.report import drawing2d, drawing3d, raster
 from mocca_robot.report.drawing2d import View
 from mocca_robot.report.figures import stand_alone
@@ -204,14 +205,13 @@ def _cone(seat: Array, way: Insertion, scale: float, view: View) -> str:
     axis = -np.asarray(way.direction)
     alpha = min(way.alpha_rad, np.deg2rad(80.0))
     if len(axis) == 2:
-        side = np.array([-axis[1], axis[0]])
+        (side,) = tangents(axis)
         turns = np.linspace(-alpha, alpha, 25)
         rim = np.cos(turns)[:, None] * axis + np.sin(turns)[:, None] * side
     else:
-        first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
-        first /= np.linalg.norm(first)
+        first, second = tangents(axis)
         turns = np.linspace(0.0, 2 * np.pi, 49)
-        around = np.cos(turns)[:, None] * first + np.sin(turns)[:, None] * np.cross(axis, first)
+        around = np.cos(turns)[:, None] * first + np.sin(turns)[:, None] * second
         rim = np.cos(alpha) * axis + np.sin(alpha) * around
     points = view(_plane(np.vstack([seat, seat + 0.8 * TRAVEL * scale * rim])))
     hull = shapely.convex_hull(shapely.MultiPoint(points))

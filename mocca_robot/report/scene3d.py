@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Mesh
 from mocca_robot.contacts.contact import Contact
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.report.cone_plots import free_reach, tangent_axes
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.drawing2d import FORCE_REACH, merged_forces, way_out_normals, wedge_reach
@@ -134,7 +135,7 @@ def _forces(assembly: Assembly, contacts: Sequence[Contact], verdict: CaseVerdic
     centre, resultant, size = centre[kept] / total[kept][:, None], resultant[kept], size[kept]
     length = FORCE_REACH * assembly.size * np.sqrt(size / size.max(initial=1e-300))
     along = resultant / size[:, None]
-    side = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
+    side = tangents(along)[:, 0]
     tip = centre + along * length[:, None]
     barbs = [tip - (0.2 * along + sign * 0.1 * side) * length[:, None] for sign in (1.0, -1.0)]
     return np.concatenate([np.stack([other, tip], axis=1) for other in (centre, *barbs)])

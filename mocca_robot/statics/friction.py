@@ -10,6 +10,7 @@ import scipy.sparse as sp
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.errors import InputError, nearest
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.statics.solution import EquilibriumResult, Status, solve_system, verdict
 from mocca_robot.statics.solver.solvers import SolverFailed
 from mocca_robot.statics.solver.system import ContactSystem
@@ -50,8 +51,8 @@ def _planar(
     length: float | None,
     solver: str,
 ) -> EquilibriumResult:
-    tangents = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
-    rays = np.concatenate([normals + friction * tangents, normals - friction * tangents])
+    beside = friction * tangents(normals)[:, 0]
+    rays = np.concatenate([normals + beside, normals - beside])
     rays /= np.sqrt(1.0 + friction**2)
     system = ContactSystem.build(np.tile(pairs, (2, 1)), np.tile(points, (2, 1)), rays, free, about, length)
     result = solve_system(system, system.scaled(wrenches), solver=solver)
@@ -72,8 +73,7 @@ def _spatial(
     solver: str,
 ) -> EquilibriumResult:
     """Eq. 8 over second-order cones: our own interior point, Clarabel where it fails."""
-    first, second = _tangents(normals)
-    axes = np.stack([normals, first, second], axis=1)  # (C, 3, 3)
+    axes = np.concatenate([normals[:, None], tangents(normals)], axis=1)  # (C, 3, 3)
     frame = _three_rows(pairs, points, axes, free, friction, about, length)
     w = frame.scaled(wrenches)
     scale = float(np.linalg.norm(w))
@@ -154,15 +154,6 @@ CONE_SOLVERS: dict[str, Callable[[ContactSystem, Array], Array]] = {
     "clarabel": _clarabel,
 }
 """Solvers of Eq. 8 over second-order cones, in the order in which 'auto' tries them."""
-
-
-def _tangents(normals: Array) -> tuple[Array, Array]:
-    """Return two unit tangents per normal, (C, 3) each."""
-    helper = np.zeros_like(normals)
-    helper[np.arange(len(normals)), np.abs(normals).argmin(axis=1)] = 1.0
-    first = np.cross(normals, helper)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    return first, np.cross(normals, first)
 
 
 def _three_rows(

@@ -11,6 +11,7 @@ from mocca_robot.arrays import Array, BoolArray, read_only
 from mocca_robot.assembly import Assembly, Equilibrium, Goal, Interlocking, Lateral, SupportFree
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.cones import cross
+from mocca_robot.geometry.frames import tangents
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +44,7 @@ def tilted_gravity(gravity: Array, angle_rad: float, azimuth_rad: float = 0.0) -
     g = float(np.linalg.norm(gravity))
     down = gravity / g
     if len(gravity) == 2:
-        side = np.array([-down[1], down[0]]) * (1.0 if np.cos(azimuth_rad) >= 0 else -1.0)
+        side = tangents(down)[0] * (1.0 if np.cos(azimuth_rad) >= 0 else -1.0)
     else:
         seed = np.array([1.0, 0.0, 0.0]) if abs(down[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
         x = seed - (seed @ down) * down

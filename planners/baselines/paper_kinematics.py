@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
+from mocca_robot.geometry.frames import tangents
 from planners.cone_joints.energy import energy, joint_wrenches
 from planners.cone_joints.shapes2d import Shapes2D
 from planners.cone_joints.unknowns import Problem
@@ -64,7 +65,7 @@ def kinematic_design(
     shapes, loads, pairs = problem.shapes, problem.loads, problem.pairs
     assert isinstance(shapes, Shapes2D)
     count, parts = len(pairs), len(start.axis)
-    across = np.stack([-start.axis[:, 1], start.axis[:, 0]], axis=1)
+    across = tangents(start.axis)[:, 0]
     evaluations = 0
 
     def cones(x: Array) -> tuple[Array, Array]:

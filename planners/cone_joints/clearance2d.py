@@ -10,6 +10,7 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.contacts.contact import Contact
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.joints.options import JointOptions
 
 
@@ -39,8 +40,7 @@ class Clearance2D:
         """Return (E, V) how far, m, curve points (E, V, 2) are beyond their room; ≤ 0 where all is well."""
         offset = curves - self.origin[:, None]
         height = np.einsum("evd,ed->ev", offset, self.normal)
-        tangent = np.stack([-self.normal[:, 1], self.normal[:, 0]], axis=1)
-        along = np.einsum("evd,ed->ev", offset, tangent)
+        along = np.einsum("evd,ed->ev", offset, tangents(self.normal)[:, 0])
         beside = np.maximum(np.maximum(-along, along - self.length[:, None]), 0.0)
         own = np.hypot(height, beside)
         # Every point looks at the obstacles of the part it is in.

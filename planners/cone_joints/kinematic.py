@@ -17,6 +17,7 @@ from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.cones import generalized_normals
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.statics.solution import EquilibriumResult, solve_system
 from mocca_robot.statics.solver.system import ContactSystem
@@ -56,16 +57,12 @@ class Impossible:
 
 def fan(normals: Array, slopes: Sequence[float], turns: int = 8) -> Array:
     """Return (E, S, d) unit directions leaning from each normal by each of `slopes` radians, on all sides."""
+    across = tangents(normals)
     if normals.shape[1] == 2:
-        tangents = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
-        sides = np.stack([tangents, -tangents], axis=1)
+        sides = np.concatenate([across, -across], axis=1)
     else:
-        seed = np.eye(3)[np.abs(normals).argmin(axis=1)]
-        first = np.cross(normals, seed)
-        first /= np.linalg.norm(first, axis=1)[:, None]
-        second = np.cross(normals, first)
         angle = 2 * np.pi * np.arange(turns) / turns
-        sides = np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * second[:, None]
+        sides = np.cos(angle)[:, None] * across[:, :1] + np.sin(angle)[:, None] * across[:, 1:]
     fans = [np.cos(s) * normals[:, None] + np.sin(s) * sides for s in slopes]
     return np.concatenate(fans, axis=1)
 

@@ -16,6 +16,7 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.joints.bicubic import (
     FLANK_SEGMENTS,
     BumpPattern,
@@ -171,10 +172,8 @@ class Shapes3D:
     def directions(self, lean: Array) -> Array:
         """Return (E, 3) principal directions for the pairs' leans (Q, 2): tangents of the angle from the normal."""
         n = self.pair_normal
-        seed = np.eye(3)[np.abs(n).argmin(axis=1)]
-        first = np.cross(n, seed)
-        first /= np.linalg.norm(first, axis=1)[:, None]
-        u = n + lean[:, :1] * first + lean[:, 1:] * np.cross(n, first)
+        across = tangents(n)
+        u = n + lean[:, :1] * across[:, 0] + lean[:, 1:] * across[:, 1]
         return np.asarray((u / np.linalg.norm(u, axis=1)[:, None])[self.pair])
 
     def surface(self, shape: Array, u: Array) -> Array:
@@ -300,8 +299,6 @@ def _rectangle(contact: Contact, options: JointOptions) -> Rectangle | None:
 
 def _stand_in(contact: Contact) -> Rectangle:
     """Return a tiny rectangle in a contact that has no room for one, so that arrays stay rectangular."""
-    seed = np.eye(3)[np.abs(contact.normal).argmin()]
-    x = np.cross(contact.normal, seed)
-    x /= np.linalg.norm(x)
+    x, y = tangents(contact.normal)
     side = 1e-3 * float(np.sqrt(contact.measure))
-    return Rectangle(read_only(contact.centre), read_only(x), read_only(np.cross(contact.normal, x)), side, side)
+    return Rectangle(read_only(contact.centre), read_only(x), read_only(y), side, side)

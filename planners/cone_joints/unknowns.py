@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.geometry.frames import tangents
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.shapes import Shapes
 
@@ -78,16 +79,10 @@ class Layout:
         axis = parameters.axis
         parts = np.unique(problem.pairs[:, 1])
         parts = parts[problem.turning[parts]]
-        if axis.shape[1] == 2:
-            tangents = np.stack([-axis[:, 1], axis[:, 0]], axis=1)[:, None]
-        else:
-            seed = np.eye(3)[np.abs(axis).argmin(axis=1)]
-            first = np.cross(axis, seed)
-            first /= np.linalg.norm(first, axis=1)[:, None]
-            tangents = np.stack([first, np.cross(axis, first)], axis=1)
-        s, lean, t = parameters.shape.shape[1], parameters.lean.shape[1], tangents.shape[1]
+        across = tangents(axis)
+        s, lean, t = parameters.shape.shape[1], parameters.lean.shape[1], across.shape[1]
         sizes = (len(joints) * s, len(pairs) * lean, len(parts) * t)
-        return cls(joints, pairs, parts, tangents, problem.shapes.bounds(), sizes, problem.shapes.steepest_lean)
+        return cls(joints, pairs, parts, across, problem.shapes.bounds(), sizes, problem.shapes.steepest_lean)
 
     def moved(self, start: Parameters, step: Array) -> Parameters:
         """Return `start` moved by `step`, shapes and leans kept within their bounds."""

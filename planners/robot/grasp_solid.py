@@ -10,6 +10,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.assembly import Mesh
+from mocca_robot.geometry.frames import tangents
 from planners.robot.grasp_pose import GraspPose, count, frame, spread, too_wide
 from planners.robot.rays import first_hits
 from planners.robot.site import Site
@@ -89,10 +90,7 @@ def _padded(corners: Array, middle: Array, closing: Array, width: Array, radius:
     """Return which places fill the pads (n,): rays beside the middle meet the part about as far away as it does."""
     if not len(middle):
         return np.zeros(0, dtype=bool)
-    helper = np.where(np.abs(closing[:, :1]) < 0.7, np.array([[1.0, 0, 0]]), np.array([[0, 1.0, 0]]))
-    first = np.cross(closing, helper)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    second = np.cross(closing, first)
+    first, second = np.moveaxis(tangents(closing), 1, 0)
     good = np.ones(len(middle), dtype=bool)
     for angle in np.arange(6) * np.pi / 3:
         start = middle + radius * (np.cos(angle) * first + np.sin(angle) * second)

@@ -6,6 +6,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.assembly import Mesh, Polygon
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.geometry.polygons import to_shapely
 from planners.robot.grasp_pose import GraspPose, count, frame, inner_points, spread
 from planners.robot.rays import first_hits
@@ -101,7 +102,7 @@ def pull(gripper: SuctionGripper, tcp: Array, direction: Array, push_n: float) -
 def _supported(corners: Array, point: Array, outward: Array, gripper: SuctionGripper) -> BoolArray:
     """Return where a surface lies under four points of the lip (n,): what is over an edge needs no closer look."""
     good = np.ones(len(point), dtype=bool)
-    first, second = _across(outward)
+    first, second = np.moveaxis(tangents(outward), 1, 0)
     for beside in (first, -first, second, -second):
         there = np.flatnonzero(good)
         start = point[there] + gripper.cup_radius_m * beside[there] + RISE_M * outward[there]
@@ -110,19 +111,11 @@ def _supported(corners: Array, point: Array, outward: Array, gripper: SuctionGri
     return good
 
 
-def _across(outward: Array) -> tuple[Array, Array]:
-    """Return two unit directions (n, 3) across each normal."""
-    helper = np.where(np.abs(outward[:, :1]) < 0.7, np.array([[1.0, 0, 0]]), np.array([[0, 1.0, 0]]))
-    first = np.cross(outward, helper)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    return first, np.cross(outward, first)
-
-
 def _even(corners: Array, point: Array, outward: Array, gripper: SuctionGripper) -> tuple[BoolArray, Array, Array]:
     """Return where the surface under the lip is even (n,), its mean normal there (n, 3), and how far the lip's highest
     point lies above the middle (n,).
     """
-    first, second = _across(outward)
+    first, second = np.moveaxis(tangents(outward), 1, 0)
     heights = []
     angles = np.arange(RIM) * 2 * np.pi / RIM
     for radius in (gripper.cup_radius_m, 0.5 * gripper.cup_radius_m):

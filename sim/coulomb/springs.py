@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.geometry.cones import generalized_normals
+from mocca_robot.geometry.frames import tangents
 from sim.coulomb.kernel import ContactSprings
 
 HEAVY = 2.0
@@ -148,13 +149,7 @@ class Springs:
 
 def _axes(normals: Array) -> Array:
     """Return (C, d, d) each normal with unit tangents."""
-    if normals.shape[1] == 2:
-        return np.stack([normals, np.stack([-normals[:, 1], normals[:, 0]], axis=1)], axis=1)
-    helper = np.zeros_like(normals)
-    helper[np.arange(len(normals)), np.abs(normals).argmin(axis=1)] = 1.0
-    across = np.cross(normals, helper)
-    across /= np.linalg.norm(across, axis=1)[:, None]
-    return np.stack([normals, across, np.cross(normals, across)], axis=1)
+    return np.concatenate([normals[:, None], tangents(normals)], axis=1)
 
 
 def _rows(axes: Array, points: Array, about: Array, length: float) -> Array:

@@ -11,6 +11,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.cones import largest_cone
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.motion.ways_out import RIM_INSET, free_half_angle
 
 OUTSIDE = float(np.deg2rad(3.0))
@@ -121,10 +122,8 @@ def _outside(cone: InsertionCone) -> list[Direction]:
 def _turned(axis: Array, angle: float | Array, azimuth: float) -> Array:
     """Return (..., d) the axis turned by every angle (...) towards the azimuth about it."""
     c, s = np.cos(angle)[..., np.newaxis], np.sin(angle)[..., np.newaxis]
-    if len(axis) == 2:
-        return np.asarray(c * axis + (s if np.cos(azimuth) > 0 else -s) * [-axis[1], axis[0]])
-    seed = np.eye(3)[np.abs(axis).argmin()]
-    first = np.cross(axis, seed)
-    first /= np.linalg.norm(first)
-    second = np.cross(axis, first)
+    first, *others = tangents(axis)
+    if not others:
+        return np.asarray(c * axis + (s if np.cos(azimuth) > 0 else -s) * first)
+    (second,) = others
     return np.asarray(c * axis + s * (np.cos(azimuth) * first + np.sin(azimuth) * second))

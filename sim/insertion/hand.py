@@ -10,6 +10,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array, read_only
 from mocca_robot.assembly import Assembly
+from mocca_robot.geometry.frames import tangents
 from sim.scene import Compiled
 from sim.shapes.inertia import inertia
 
@@ -132,13 +133,7 @@ class HandPath:
 
 def grip_offset(assembly: Assembly, way: Array, error: PlacingError, far: float) -> tuple[Array, float]:
     """Return the hand's error in joint coordinates and its effective length."""
-    if assembly.dimension == 2:
-        sideways = np.array([[-way[1], way[0]]])
-    else:
-        seed = np.eye(3)[np.abs(way).argmin()]
-        first = np.cross(way, seed) / np.linalg.norm(np.cross(way, seed))
-        sideways = np.array([first, np.cross(way, first)])
-    shift = sum((s * axis for s, axis in zip(error.shift, sideways)), np.zeros(len(way)))
+    shift = sum((s * axis for s, axis in zip(error.shift, tangents(way))), np.zeros(len(way)))
     turn = np.zeros(1 if assembly.dimension == 2 else 3)
     turn[-1] = error.turn
     return np.concatenate([shift, turn]), float(np.hypot(np.linalg.norm(shift), far * error.turn))

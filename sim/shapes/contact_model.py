@@ -21,6 +21,7 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray, read_only
 from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.contacts.contact import Contact
+from mocca_robot.geometry.frames import tangents
 from mocca_robot.statics.loads import LoadCase
 from sim.shapes.contact_rays import PairRays, Rays, holding, pair_rays, reduced_rays
 from sim.shapes.convex_pieces import convex_pieces
@@ -202,11 +203,7 @@ def geom(
 
 def _frame(normal: Array) -> Array:
     """Return a rotation (3, 3) whose last column is `normal`."""
-    seed = np.zeros(3)
-    seed[np.abs(normal).argmin()] = 1.0
-    x = np.cross(seed, normal)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(normal, x), normal], axis=1)
+    return np.column_stack([*-tangents(normal), normal])
 
 
 __all__ = [

@@ -16,6 +16,7 @@ from scipy.spatial import ConvexHull, QhullError
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Polygon
 from mocca_robot.contacts.contact import Contact
+from mocca_robot.geometry.frames import tangents
 from sim.shapes.contact_model import ContactModel, Geom, geom
 from sim.shapes.convex_pieces import convex_pieces
 
@@ -84,8 +85,8 @@ def merged(contacts: Sequence[Contact], tolerance: float = 1e-6) -> tuple[Contac
 
 def convex_contacts(contact: Contact) -> tuple[Contact, ...]:
     """Return convex contacts that together are `contact`, which may have dents and holes."""
-    x, y = _axes(contact.normal)
-    rings = [np.stack([ring @ x, ring @ y], axis=1) for ring in (contact.polygon, *contact.holes)]
+    axes = -tangents(contact.normal)
+    rings = [ring @ axes.T for ring in (contact.polygon, *contact.holes)]
     hull = _hull([contact])
     if not contact.holes and hull is not None and len(hull) == len(contact.polygon):
         return (contact,)
@@ -100,18 +101,10 @@ def convex_contacts(contact: Contact) -> tuple[Contact, ...]:
     return tuple(out)
 
 
-def _axes(normal: Array) -> tuple[Array, Array]:
-    seed = np.eye(3)[np.abs(normal).argmin()]
-    x = np.cross(seed, normal) / np.linalg.norm(np.cross(seed, normal))
-    return x, np.cross(normal, x)
-
-
 def _hull(group: Sequence[Contact]) -> Array | None:
     points = np.concatenate([c.polygon for c in group])
-    x, y = _axes(group[0].normal)
-    flat = np.stack([points @ x, points @ y], axis=1)
     try:
-        return np.asarray(points[ConvexHull(flat).vertices])
+        return np.asarray(points[ConvexHull(points @ -tangents(group[0].normal).T).vertices])
     except QhullError:
         return None
 

@@ -11,7 +11,8 @@ from solids import dome, flat_contact, rotation, wall
 
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
-from mocca_robot.geometry.triangulation import boundary_chain, plane_axes
+from mocca_robot.geometry.frames import tangents
+from mocca_robot.geometry.triangulation import boundary_chain
 from mocca_robot.joints.bicubic import (
     BumpParameters,
     Rectangles,
@@ -71,7 +72,7 @@ def test_rectangles_stay_inside_by_their_margin_in_any_pose():
         turn, shift = rotation(seed), rng.normal(size=3)
         posed = type(flat)((0, 1), flat.polygon @ turn.T + shift, turn @ flat.normal)
         found = largest_rectangle(posed, 0.05)
-        axes = plane_axes(posed.normal)
+        axes = tangents(posed.normal)
         inner = shapely.Polygon((posed.polygon - shift) @ axes.T).buffer(-0.05 + 1e-9, join_style="mitre")
         assert inner.contains(shapely.Polygon((found.corners - shift) @ axes.T))
         assert found.normal == pytest.approx(posed.normal)

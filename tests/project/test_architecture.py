@@ -1,6 +1,7 @@
 """The house rules: imports run one way, starting is cheap, every module says what it is, libraries do not print."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -112,3 +113,9 @@ def test_public_names_are_all_there() -> None:
 def test_the_robot_knows_plans_never_planners() -> None:
     for path in (ROOT / "mocca_robot" / "ur").rglob("*.py"):
         assert not [m for m in imported(path) if m.split(".")[0] in ("planners", "sim")], name_of(path)
+
+
+def test_there_is_one_tangent_frame() -> None:
+    """Seeding a frame with the axis a direction leans on least is `geometry.frames`' business alone."""
+    seeded = [name_of(p) for p in MODULES if re.search(r"eye\(3\)\[.*argmin", p.read_text(encoding="utf-8"))]
+    assert seeded == ["mocca_robot/geometry/frames.py"]
