@@ -64,11 +64,6 @@ class TiltReport:
     within_rad: float = 0.0
     cause: str = ""
 
-    @property
-    def difference_rad(self) -> float:
-        """Return physics minus statics."""
-        return self.critical_rad - self.statics_rad
-
 
 def azimuths(assembly: Assembly, count: int) -> Array:
     """Return `count` azimuths in radians; flat assemblies know right and left only.

@@ -172,10 +172,11 @@ def _note_resume(journal: Any, plan: Plan, record: Record, resolution: tuple[str
     from mocca_robot.plan.journal import utc_now
     from mocca_robot.plan.status import ExecutionEvent
 
-    journal.append(ExecutionEvent(utc_now(), "resumed"))
+    journal.append(ExecutionEvent(time_utc=utc_now(), event="resumed"))
     if resolution is not None and record.unfinished is not None:
         part = plan.steps[record.unfinished].part
-        journal.append(ExecutionEvent(utc_now(), f"resolved_{resolution[1]}", record.unfinished, part))
+        resolved = f"resolved_{resolution[1]}"
+        journal.append(ExecutionEvent(time_utc=utc_now(), event=resolved, step=record.unfinished, part=part))
 
 
 def _report(as_json: bool, values: dict[str, Any]) -> int:

@@ -1,18 +1,21 @@
-"""What an arm can do, for the executor: the UR arm behind ur-rtde is one implementation, the simulated cell another.
+"""What an arm can do, as far as supervision needs it: be read, be led, push, grip, stop.
 
-No method raises for what a robot may do to you (stops, forces, lost connections): it returns an Outcome.
+The UR arm behind ur-rtde is one implementation, the simulated cell another; `motions` makes supervised motions of both.
+For what a robot may do to you (stops, forces, lost connections) a method raises Stopped and nothing else; `preflight`,
+`halt` and `stop`, which end a motion or come before any, do not even raise that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Protocol
 
 from mocca_robot.arrays import Array
 from mocca_robot.plan.gripper import Grip
-from mocca_robot.plan.plan import Plan, Waypoint
-from mocca_robot.plan.pose import Three
-from mocca_robot.plan.status import Outcome
+from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.plan import Plan
+from mocca_robot.plan.pose import Six, Three
+from mocca_robot.plan.status import ArmState, Outcome
+from mocca_robot.plan.supervision import Stopped
 
 
 class Arm(Protocol):
@@ -23,30 +26,61 @@ class Arm(Protocol):
         """Which arm this is, for the journal: serial number, or the simulation's name."""
         ...
 
+    @property
+    def limits(self) -> Limits:
+        """What no motion may exceed."""
+        ...
+
+    def now(self) -> float:
+        """Return the seconds on the clock that deadlines are kept by."""
+        ...
+
     def preflight(self, plan: Plan, first_step: int) -> Outcome:
         """Return SUCCEEDED if the plan may start at `first_step` right now, else REFUSED with value, limit, remedy."""
         ...
 
-    def set_payload(self, mass_kg: float, cog_m: Three) -> Outcome:
-        """Tell the arm what it carries (flange frame), and read it back."""
+    def watch(self) -> ArmState:
+        """Return a fresh state in which the arm may move; Stopped when there is none, or when the user cancelled."""
         ...
 
-    def zero_force(self) -> Outcome:
-        """Pause, then take the present force as zero."""
+    def attend(self) -> ArmState:
+        """Let one cycle pass under the present command, and `watch`; Stopped also when the part in hand got lost."""
         ...
 
-    def follow(self, path: Sequence[Waypoint], *, force_limit_n: float, contact_force_n: float | None) -> Outcome:
-        """Follow a timed path; CONTACT above `contact_force_n` (if any), FORCE_LIMIT above `force_limit_n`."""
+    def servo(self, q: Array) -> None:
+        """Have the joints (6,) follow to these angles until `end_servo`; to be called in every cycle."""
         ...
 
-    def push(self, axis: Array, depth_m: float, *, force_limit_n: float) -> Outcome:
-        """Push compliantly along `axis` (3,), unit, until `depth_m` is measured; JAMMED when it does not get there."""
+    def end_servo(self) -> None:
+        """Come to rest and stay there."""
         ...
 
-    def grip(self, width_m: float, force_n: float) -> tuple[Outcome, Grip]:
-        """Move the fingers to an opening, and return what they really did."""
+    def push_along(self, frame: Six, force_n: float, speed_m_s: float) -> None:
+        """Push with a force along z of `frame` until `end_push`, no faster than asked, giving way sideways without
+        turning. May be called again, to go on at another speed.
+        """
+        ...
+
+    def end_push(self) -> None:
+        """Stop pushing, and hold the place."""
+        ...
+
+    def zero_force(self) -> None:
+        """Tell the controller that nothing but its payload hangs on the hand now."""
+        ...
+
+    def set_payload(self, mass_kg: float, cog_m: Three) -> None:
+        """Tell the controller what it carries (flange frame); the state then says what it calculates with."""
+        ...
+
+    def grip(self, width_m: float, force_n: float) -> Grip:
+        """Move the fingers to an opening, or switch the vacuum, and return what they really did."""
+        ...
+
+    def halt(self, stop: Stopped) -> Outcome:
+        """Stop the arm for the reason in `stop`, and return that with its evidence: was standstill measured?"""
         ...
 
     def stop(self) -> bool:
-        """Stop; return whether the arm was measured to stand still."""
+        """Stop the arm by whatever way is left; return whether it was measured to stand still."""
         ...

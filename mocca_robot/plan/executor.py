@@ -10,6 +10,7 @@ from mocca_robot.plan.arm import Arm
 from mocca_robot.plan.gripper import Grip, holds
 from mocca_robot.plan.insertion_skill import insert
 from mocca_robot.plan.journal import utc_now
+from mocca_robot.plan.motions import Motions
 from mocca_robot.plan.plan import Move, MoveKind, Plan, Step
 from mocca_robot.plan.status import ExecutionEvent, ExecutionStatus, Outcome
 
@@ -57,8 +58,16 @@ class _Recorder:
             self.listener(event)
 
 
-def execute(plan: Plan, arm: Arm, journal: Log, first_step: int = 0, listener: Listener | None = None) -> Execution:
-    """Return how building `plan` on `arm` ended, from `first_step` on.
+def execute(
+    plan: Plan,
+    arm: Arm,
+    journal: Log,
+    first_step: int = 0,
+    listener: Listener | None = None,
+    *,
+    speed: float = 1.0,
+) -> Execution:
+    """Return how building `plan` on `arm` ended, from `first_step` on, at a share `speed` of the planned speeds.
 
     Every event is in the journal before the next motion begins. The first motion that does not succeed ends the
     execution; its event carries status, measured pose, force and whether the stop was observed.
@@ -67,11 +76,12 @@ def execute(plan: Plan, arm: Arm, journal: Log, first_step: int = 0, listener: L
     outcome = arm.preflight(plan, first_step)
     record(_event("preflight", outcome))
     finished = first_step
+    motions = Motions(arm, speed)
     if outcome.succeeded:
         for i in range(first_step, len(plan.steps)):
             step = plan.steps[i]
-            record(ExecutionEvent(utc_now(), "step_started", i, step.part))
-            outcome = _run_step(plan, i, arm, record)
+            record(ExecutionEvent(time_utc=utc_now(), event="step_started", step=i, part=step.part))
+            outcome = _run_step(plan, i, motions, record)
             if not outcome.succeeded:
                 break
             record(_event("step_finished", outcome, i, step.part))
@@ -81,11 +91,13 @@ def execute(plan: Plan, arm: Arm, journal: Log, first_step: int = 0, listener: L
     return Execution(outcome.status, outcome.detail, finished, tuple(record.events))
 
 
-def _run_step(plan: Plan, index: int, arm: Arm, record: _Recorder) -> Outcome:
+def _run_step(plan: Plan, index: int, arm: Motions, record: _Recorder) -> Outcome:
     step = plan.steps[index]
     outcome = Outcome(ExecutionStatus.SUCCEEDED)
     for k, move in enumerate(step.moves):
-        record(ExecutionEvent(utc_now(), "move_started", index, step.part, k, move.kind))
+        record(
+            ExecutionEvent(time_utc=utc_now(), event="move_started", step=index, part=step.part, move=k, kind=move.kind)
+        )
 
         def note(event: str, outcome: Outcome, attempt: int | None = None, grip: Grip | None = None) -> None:
             record(_event(event, outcome, index, step.part, k, move.kind, attempt, grip))  # noqa: B023 - called at once
@@ -96,7 +108,7 @@ def _run_step(plan: Plan, index: int, arm: Arm, record: _Recorder) -> Outcome:
     return outcome
 
 
-def _run_move(plan: Plan, step: Step, move: Move, arm: Arm, note: Callable[..., None]) -> Outcome:
+def _run_move(plan: Plan, step: Step, move: Move, arm: Motions, note: Callable[..., None]) -> Outcome:
     """Return how one move ended; `note` writes what happened, intermediate results included."""
     limits = plan.cell.limits
     outcome, grip = Outcome(ExecutionStatus.SUCCEEDED), None
@@ -113,7 +125,7 @@ def _run_move(plan: Plan, step: Step, move: Move, arm: Arm, note: Callable[..., 
     return outcome
 
 
-def _grip(plan: Plan, step: Step, move: Move, arm: Arm) -> tuple[Outcome, Grip]:
+def _grip(plan: Plan, step: Step, move: Move, arm: Motions) -> tuple[Outcome, Grip]:
     """Take a part and see that it is held, or see that it was let go; then say what is carried."""
     outcome, grip = arm.grip(move.gripper_m, step.grasp.force_n)
     if not outcome.succeeded:
@@ -151,22 +163,22 @@ def _event(
 ) -> ExecutionEvent:
     state = outcome.state
     return ExecutionEvent(
-        utc_now(),
-        event,
-        step,
-        part,
-        move,
-        str(kind) if kind else None,
-        attempt,
-        outcome.waypoint,
-        outcome.status,
-        outcome.detail,
-        state.q if state else None,
-        state.tcp if state else None,
-        state.force if state else None,
-        state.time_s if state else None,
-        outcome.depth_m,
-        grip.width_m if grip else None,
-        grip.vacuum if grip else None,
-        outcome.stop_observed,
+        time_utc=utc_now(),
+        event=event,
+        step=step,
+        part=part,
+        move=move,
+        kind=str(kind) if kind else None,
+        attempt=attempt,
+        waypoint=outcome.waypoint,
+        status=outcome.status,
+        detail=outcome.detail,
+        q=state.q if state else None,
+        tcp=state.tcp if state else None,
+        force=state.force if state else None,
+        robot_time_s=state.time_s if state else None,
+        depth_m=outcome.depth_m,
+        width_m=grip.width_m if grip else None,
+        vacuum=grip.vacuum if grip else None,
+        stop_observed=outcome.stop_observed,
     )

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from mocca_robot.arrays import Array
-from mocca_robot.plan.arm import Arm
 from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.motions import Motions
 from mocca_robot.plan.plan import Move, Step, Waypoint, insertion_axis
 from mocca_robot.plan.status import ArmState, ExecutionStatus, Outcome
 
@@ -22,7 +22,7 @@ BRIDGE_POINTS = 8
 
 
 def insert(
-    arm: Arm, step: Step, move: Move, limits: Limits, note: Callable[..., None], at: ArmState | None = None
+    arm: Motions, step: Step, move: Move, limits: Limits, note: Callable[..., None], at: ArmState | None = None
 ) -> Outcome:
     """Return how the insertion of `step`'s part ended: SUCCEEDED by measured depth, or why the last attempt failed.
 

@@ -82,6 +82,7 @@ class Grasp:
         mass_kg: the part's mass.
         cog_m: the part's centre of gravity in the tool flange's frame.
         force_n: gripping force.
+        tray_motion: the displacement, as a pose, from the part's place in the structure to the one in the tray.
         extra: whatever else the planner wrote about the grasp; kept and hashed, not used here.
     """
 
@@ -89,6 +90,7 @@ class Grasp:
     mass_kg: float
     cog_m: Three = (0.0, 0.0, 0.0)
     force_n: float = 20.0
+    tray_motion: Six | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -114,9 +116,10 @@ class Cell:
         tool_mass_kg, tool_cog_m: the empty gripper, centre of gravity in the flange's frame.
         gripper_stroke_m: smallest and largest opening; of a suction cup: vacuum, none.
         vacuum: how a suction cup is wired, if the cell says so.
+        description: the cell file, from which planning and rehearsal read the whole cell; empty when not recorded.
         workspace_m: corners (low, high) of the box, base frame, that the tool's centre point must not leave.
         limits: caps lowered for this cell.
-        extra: whatever else the planner wrote about the cell (table, tray, ...); kept and hashed, not used here.
+        extra: whatever else the planner wrote about the cell; kept and hashed, not used here.
     """
 
     name: str
@@ -129,6 +132,7 @@ class Cell:
     limits: Limits = field(default_factory=Limits)
     extra: Mapping[str, Any] = field(default_factory=dict)
     vacuum: VacuumWiring | None = None
+    description: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -198,6 +202,7 @@ def document(plan: Plan) -> dict[str, Any]:
             **({"vacuum": cell.vacuum.document()} if cell.vacuum else {}),
             "workspace_m": [list(c) for c in cell.workspace_m],
             "limits": cell.limits.changed(),
+            **({"description": dict(cell.description)} if cell.description else {}),
         },
         "steps": [_step_document(s) for s in plan.steps],
     }
@@ -213,6 +218,7 @@ def _step_document(step: Step) -> dict[str, Any]:
             "mass_kg": grasp.mass_kg,
             "cog_m": list(grasp.cog_m),
             "force_n": grasp.force_n,
+            **({"tray_motion": list(grasp.tray_motion)} if grasp.tray_motion else {}),
         },
     }
     if step.direction is not None:

@@ -109,6 +109,7 @@ def _cell(raw: Mapping[str, Any], where: str) -> Cell:
         ),
         limits=Limits().lowered(_mapping(raw.get("limits", {}), f"{where}: limits"), where),
         extra=_rest(raw, Cell),
+        description=_mapping(raw.get("description", {}), f"{where}: description"),
         vacuum=_vacuum(raw["vacuum"], f"{where}: vacuum") if raw.get("vacuum") is not None else None,
     )
 
@@ -133,7 +134,7 @@ def _step(raw: Mapping[str, Any], where: str) -> Step:
     part = _text(raw, "part", where)
     where = f"{where} ({part})"
     grasp = _mapping(raw.get("grasp"), f"{where}: grasp")
-    moves = _list(raw, "moves", where)
+    moves, motion = _list(raw, "moves", where), grasp.get("tray_motion")
     if not moves:
         raise InputError(f"{where}: no moves. Plan this part again.")
     direction: Three | None = None
@@ -149,6 +150,7 @@ def _step(raw: Mapping[str, Any], where: str) -> Step:
             mass_kg=_number(grasp, "mass_kg", f"{where}: grasp"),
             cog_m=three(_numbers(grasp.get("cog_m", [0, 0, 0]), 3, f"{where}: grasp cog_m")),
             force_n=_number(grasp, "force_n", f"{where}: grasp", 20.0),
+            tray_motion=None if motion is None else six(_numbers(motion, 6, f"{where}: grasp tray_motion")),
             extra=_rest(grasp, Grasp),
         ),
         moves=tuple(_move(_mapping(m, f"{where}, move {k}"), f"{where}, move {k}") for k, m in enumerate(moves)),

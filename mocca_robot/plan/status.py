@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import KW_ONLY, asdict, dataclass
 from enum import StrEnum
 from typing import Any
 
@@ -28,7 +28,7 @@ class ExecutionStatus(StrEnum):
     CANCELLED = "cancelled"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ArmState:
     """One measured state of the arm.
 
@@ -71,6 +71,7 @@ class Outcome:
     status: ExecutionStatus
     detail: str = ""
     state: ArmState | None = None
+    _: KW_ONLY
     waypoint: int | None = None
     depth_m: float | None = None
     stop_observed: bool | None = None
@@ -81,7 +82,7 @@ class Outcome:
         return self.status is ExecutionStatus.SUCCEEDED
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ExecutionEvent:
     """One line of an execution: where in the plan, what happened, what was measured, when (UTC)."""
 

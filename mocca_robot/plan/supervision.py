@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
+from mocca_robot.plan.pose import six
 from mocca_robot.plan.status import ArmState, ExecutionStatus
 
 RUNNING_MODE = 7
@@ -39,27 +42,26 @@ class Stopped(Exception):
         self.state = state
 
 
-def parse_state(raw: list[object]) -> ArmState:
+def parse_state(raw: Mapping[str, Any]) -> ArmState:
     """Return the state in what the eyes report; Stopped(CONNECTION_LOST) if it has holes or is not finite."""
     try:
-        time_s, q, qd, tcp, force, scaling, robot, safety, runtime, status, bits, payload, inputs, outputs = raw
         state = ArmState(
-            time_s=float(time_s),  # type: ignore[arg-type]
-            q=_six(q),
-            qd=_six(qd),
-            tcp=_six(tcp),
-            force=_six(force),
-            speed_scaling=float(scaling),  # type: ignore[arg-type]
-            robot_mode=int(robot),  # type: ignore[call-overload]
-            safety_mode=int(safety),  # type: ignore[call-overload]
-            runtime_state=int(runtime),  # type: ignore[call-overload]
-            status_bits=int(status),  # type: ignore[call-overload]
-            safety_bits=int(bits),  # type: ignore[call-overload]
-            payload_kg=float(payload),  # type: ignore[arg-type]
-            digital_inputs=int(inputs),  # type: ignore[call-overload]
-            digital_outputs=int(outputs),  # type: ignore[call-overload]
+            time_s=float(raw["time_s"]),
+            q=six(raw["q"]),
+            qd=six(raw["qd"]),
+            tcp=six(raw["tcp"]),
+            force=six(raw["force"]),
+            speed_scaling=float(raw["speed_scaling"]),
+            robot_mode=int(raw["robot_mode"]),
+            safety_mode=int(raw["safety_mode"]),
+            runtime_state=int(raw["runtime_state"]),
+            status_bits=int(raw["status_bits"]),
+            safety_bits=int(raw["safety_bits"]),
+            payload_kg=float(raw["payload_kg"]),
+            digital_inputs=int(raw["digital_inputs"]),
+            digital_outputs=int(raw["digital_outputs"]),
         )
-    except (TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise Stopped(ExecutionStatus.CONNECTION_LOST, f"the controller's state is incomplete ({error})") from error
     numbers = (state.time_s, *state.q, *state.qd, *state.tcp, *state.force, state.speed_scaling, state.payload_kg)
     if not all(math.isfinite(v) for v in numbers):
@@ -89,8 +91,3 @@ def program_stop(state: ArmState) -> tuple[ExecutionStatus, str] | None:
     if state.speed_scaling <= 0.0:
         return ExecutionStatus.PROGRAM_STOPPED, "the speed slider is at 0 %"
     return None
-
-
-def _six(values: object) -> tuple[float, float, float, float, float, float]:
-    a, b, c, d, e, f = (float(v) for v in values)  # type: ignore[attr-defined]
-    return a, b, c, d, e, f

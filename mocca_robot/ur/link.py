@@ -45,6 +45,22 @@ STATE_VARIABLES = [
     "actual_digital_input_bits",
     "actual_digital_output_bits",
 ]
+READINGS = {
+    "time_s": "getTimestamp",
+    "q": "getActualQ",
+    "qd": "getActualQd",
+    "tcp": "getActualTCPPose",
+    "force": "getActualTCPForce",
+    "robot_mode": "getRobotMode",
+    "safety_mode": "getSafetyMode",
+    "runtime_state": "getRuntimeState",
+    "status_bits": "getRobotStatus",
+    "safety_bits": "getSafetyStatusBits",
+    "payload_kg": "getPayload",
+    "digital_inputs": "getActualDigitalInputBits",
+    "digital_outputs": "getActualDigitalOutputBits",
+}
+"""Fields of `ArmState` and the library's name for each."""
 STARTS_MOTION = frozenset({"servoJ", "forceMode"})
 ENDS_MOTION = frozenset({"servoStop", "forceModeStop", "stopScript"})
 
@@ -227,23 +243,10 @@ def _connect(role: str, host: str) -> Any:
     return rtde_control.RTDEControlInterface(host, FREQUENCY_HZ)
 
 
-def _state(receive: Any) -> list[Any]:
-    return [
-        receive.getTimestamp(),
-        receive.getActualQ(),
-        receive.getActualQd(),
-        receive.getActualTCPPose(),
-        receive.getActualTCPForce(),
-        receive.getSpeedScaling() * receive.getTargetSpeedFraction(),
-        receive.getRobotMode(),
-        receive.getSafetyMode(),
-        receive.getRuntimeState(),
-        receive.getRobotStatus(),
-        receive.getSafetyStatusBits(),
-        receive.getPayload(),
-        receive.getActualDigitalInputBits(),
-        receive.getActualDigitalOutputBits(),
-    ]
+def _state(receive: Any) -> dict[str, Any]:
+    """Return the present state by the names of `ArmState`."""
+    state = {name: getattr(receive, getter)() for name, getter in READINGS.items()}
+    return {**state, "speed_scaling": receive.getSpeedScaling() * receive.getTargetSpeedFraction()}
 
 
 def _answer(pipe: socket.socket, **values: Any) -> None:

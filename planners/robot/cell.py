@@ -99,11 +99,8 @@ class RobotCell:
             vacuum=self.gripper.wiring if isinstance(self.gripper, SuctionGripper) else None,
             serial=self.serial,
             limits=self.limits,
-            extra={
-                "table_m": self.table_m.tolist(),
-                "tray_m": self.tray_m.tolist(),
-                "description": {**self.document, "build": build, "tray": tray},
-            },
+            extra={"table_m": self.table_m.tolist(), "tray_m": self.tray_m.tolist()},
+            description={**self.document, "build": build, "tray": tray},
         )
 
 
@@ -119,10 +116,9 @@ def read_cell(path: Path | str) -> RobotCell:
 
 def cell_of(plan: Plan) -> RobotCell:
     """Return the cell that `plan` was made for, from the plan alone; InputError for a plan that does not record it."""
-    raw = plan.cell.extra.get("description")
-    if not isinstance(raw, dict):
+    if not plan.cell.description:
         raise InputError(f"The plan does not describe its cell '{plan.cell.name}'. Plan again with this version.")
-    return cell_from_document(raw, "plan: cell.description")
+    return cell_from_document(dict(plan.cell.description), "plan: cell.description")
 
 
 def cell_from_document(content: object, where: str) -> RobotCell:

@@ -98,10 +98,10 @@ def timed_step(
         body.mass_kg,
         three((np.linalg.inv(seat.flange) @ np.append(body.centroid, 1.0))[:3]),
         min(cell.gripper.force_n, 235.0),
+        pose_of(motion),
         {
             "kind": "suction" if isinstance(cell.gripper, SuctionGripper) else "parallel",
             "cone_usable_deg": float(np.rad2deg(usable)),
-            "tray_motion": list(pose_of(motion)),
         },
     )
     kept = tuple(m for m in moves if len(m.path) > 1 or m.kind is MoveKind.RELEASE)

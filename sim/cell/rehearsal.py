@@ -186,7 +186,7 @@ def rehearse(
     with SimulatedCell(place, plan, waiting(place, plan, options), speed=options.speed, cancelled=cancelled) as arm:
         log = _Log(arm, progress)
         try:
-            result = execute(plan, arm, log, listener=log.listen)
+            result = execute(plan, arm, log, listener=log.listen, speed=options.speed)
             interrupted = result.status is ExecutionStatus.CANCELLED
             if result.status is ExecutionStatus.SUCCEEDED and all(p.succeeded for p in log.parts):
                 if options.parts is not None and options.parts < len(whole_plan.steps):
@@ -228,13 +228,12 @@ def waiting(place: Workplace, plan: Plan, options: Options) -> dict[int, Pose]:
     rng = np.random.default_rng(options.seed)
     out = {}
     for step in plan.steps:
-        motion = step.grasp.extra.get("tray_motion")
-        if not isinstance(motion, list) or len(motion) != 6:
+        if step.grasp.tray_motion is None:
             raise InputError(
                 f"The plan does not say where {step.part} waits in the tray. Plan again with this version."
             )
         index = place.assembly.index(step.part)
-        moved = transform(motion)
+        moved = transform(step.grasp.tray_motion)
         error = rng.normal(0.0, 1.0, 3) * [options.noise_m, options.noise_m, options.noise_rad]
         at_seat = place.turn @ seat(place.assembly.parts[index]).position + place.shift
         position = moved[:3, :3] @ at_seat + moved[:3, 3] + [error[0], error[1], 0.0]

@@ -1,13 +1,13 @@
 """A cell in MuJoCo behind the same interface as a robot: the executor builds a plan in it as it would on a UR arm.
 
 The arm follows by servo, feels through the wrist, pushes compliantly and grips with force; parts are carried by
-friction between pads and faces alone. What the real driver checks is checked here by the same guards.
+friction between pads and faces alone. The loop that supervises a real arm supervises this one.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from types import TracebackType
 
 import numpy as np
@@ -15,10 +15,9 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
 from mocca_robot.plan.gripper import Grip
-from mocca_robot.plan.guards import SEATING_PACE, PushGuard, arrived, check_forces, check_path, check_start
 from mocca_robot.plan.limits import Limits
-from mocca_robot.plan.plan import Plan, Waypoint
-from mocca_robot.plan.pose import Three, pose_of, six
+from mocca_robot.plan.plan import Plan
+from mocca_robot.plan.pose import Six, Three, pose_of, rotation_matrix, six
 from mocca_robot.plan.status import ArmState, ExecutionEvent, ExecutionStatus, Outcome
 from mocca_robot.plan.supervision import Stopped
 from planners.robot.tool import SuctionGripper
@@ -33,11 +32,22 @@ COMPLIANCE = 1.0
 """Share of the insertion speed with which the hand gives way sideways at a force as large as the push."""
 
 
+@dataclass(frozen=True)
+class _Push:
+    """A push along `axis` (3,) by a hand that keeps the rotation vector `turn`."""
+
+    axis: Array
+    force_n: float
+    speed_m_s: float
+    turn: tuple[float, ...]
+
+
 class SimulatedCell:
-    """A simulated arm in a simulated cell (see `interface.Arm`), from `__enter__` to `__exit__`.
+    """A simulated arm in a simulated cell (see `plan.arm.Arm`), from `__enter__` to `__exit__`.
 
     Give `heed` to the executor as its listener: it says which part is next, and that moves the cell from one moment of
-    the build to the next. `waiting` are the poses of parts in the tray; `speed` plays free motions that much faster.
+    the build to the next. `waiting` are the poses of parts in the tray. Where free motions run at `speed` times their
+    own, the film takes as many more frames.
     """
 
     def __init__(
@@ -52,14 +62,16 @@ class SimulatedCell:
         self.place = place
         self.plan = plan
         self.limits: Limits = plan.cell.limits
-        self._speed = speed
         self._cancelled = cancelled
         self._build = Build(place, plan)
         fixed = {k: seat(place.assembly.parts[k]) for k in self._build.held}
         self._world = CellWorld(place, {**waiting, **fixed}, FRAME_S / speed)
-        self._hand = Hand(self._world, place.cell.gripper, self._watch)
+        self._hand = Hand(self._world, place.cell.gripper, self.watch)
         self._current = ""
         self._bias = np.zeros(6)
+        self._push: _Push | None = None
+        self._wanted: Array | None = None
+        self._goal: Array | None = None
         self._refusal = ""
 
     # Opening and closing
@@ -118,6 +130,7 @@ class SimulatedCell:
 
         `part` counts as built from now on: held by its support if it has one. With None the supports are taken away.
         """
+        self._rest()
         self._world.enter(self._build.without_supports() if part is None else self._build.placed(part))
         return settle(self._world, longest_s, lambda: resting(self.speeds()))
 
@@ -171,7 +184,7 @@ class SimulatedCell:
             payload_kg=world.payload[0],
         )
 
-    def _watch(self) -> ArmState:
+    def watch(self) -> ArmState:
         """Return the present state; Stopped for what a real cell would be stopped for."""
         state, world, gripper = self._state(), self._world, self.place.cell.gripper
         if self._refusal:
@@ -195,7 +208,11 @@ class SimulatedCell:
         held = words.startswith(("finger", "flange")) and words.endswith(f"against {self._current}")
         return held or (words.startswith(f"{self._current} against part") and self._world.moment.phase != "fetch")
 
-    # The interface of an arm
+    # What an arm does (see `plan.arm.Arm`)
+
+    def now(self) -> float:
+        """Return the simulated time."""
+        return self._world.time_s
 
     def preflight(self, plan: Plan, first_step: int) -> Outcome:
         """Return SUCCEEDED if `plan` is the one this cell was made for."""
@@ -203,128 +220,75 @@ class SimulatedCell:
             return Outcome(ExecutionStatus.REFUSED, "a rehearsal begins with the first step of its own plan")
         return Outcome(ExecutionStatus.SUCCEEDED, "", self._state())
 
-    def set_payload(self, mass_kg: float, cog_m: Three) -> Outcome:
+    def attend(self) -> ArmState:
+        """Let the world go on for a cycle under the present command, and `watch`."""
+        world = self._world
+        before = np.array(world.data.qpos[:6]) if self._goal is None else self._goal
+        if self._push is not None:
+            self._wanted = self._yielding(before, self._push)
+        goal = before if self._wanted is None else self._wanted
+        world.advance(goal, (goal - before) / world.cycle_s)
+        self._goal = goal
+        return self.watch()
+
+    def servo(self, q: Array) -> None:
+        """Have the joints follow to `q`."""
+        self._wanted = q
+
+    def end_servo(self) -> None:
+        """Hold the place."""
+        self._rest()
+
+    def push_along(self, frame: Six, force_n: float, speed_m_s: float) -> None:
+        """Push along z of `frame`, giving way sideways."""
+        turn = self._state().tcp[3:] if self._push is None else self._push.turn
+        self._push = _Push(rotation_matrix(frame[3:6])[:, 2], force_n, speed_m_s, turn)
+
+    def end_push(self) -> None:
+        """Hold the place."""
+        self._rest()
+
+    def zero_force(self) -> None:
+        """Take what is felt now as nothing when giving way; the state goes on showing all of it."""
+        self._bias = np.array(self._world.felt)
+
+    def set_payload(self, mass_kg: float, cog_m: Three) -> None:
         """Tell the controller what it carries: it holds that weight from now on."""
         self._world.payload = (mass_kg, cog_m)
-        return Outcome(ExecutionStatus.SUCCEEDED, "", self._state())
 
-    def zero_force(self) -> Outcome:
-        """Pause, then take the present force as zero."""
-        try:
-            self._world.hold(0.2)
-            state = self._watch()
-        except Stopped as stop:
-            return self._end(stop)
-        self._bias = np.array(state.force)
-        size = float(np.linalg.norm(self._bias[:3]))
-        if size > self.limits.contact_force_n:
-            detail = f"the hand feels {size:.1f} N where it should hang free, limit {self.limits.contact_force_n:g} N"
-            return Outcome(ExecutionStatus.REFUSED, detail, state)
-        return Outcome(ExecutionStatus.SUCCEEDED, "", state)
+    def grip(self, width_m: float, force_n: float) -> Grip:
+        """Move the fingers to an opening, with at most `force_n`, or switch the vacuum."""
+        self._rest()
+        return self._hand.grip(width_m, force_n)
 
-    def follow(self, path: Sequence[Waypoint], *, force_limit_n: float, contact_force_n: float | None) -> Outcome:
-        """Follow a timed path by servo; see `interface.Arm`."""
-        waypoint = 0
-        try:
-            state = self._watch()
-            check_start(state, path[0], self.limits)
-            times = np.array([w.t - path[0].t for w in path]) / self._speed
-            joints, places = np.array([w.q for w in path]), np.array([w.tcp[:3] for w in path])
-            offset = np.subtract(state.q, path[0].q)
-            last, clock = float(times[-1]), 0.0
-            blend = max(0.2, min(0.5, last))
-            end = self._world.time_s + 1.1 * last + 2.0
-            trail: deque[Array] = deque(maxlen=50)
-            goal = np.array(state.q)
-            while True:
-                clock = min(clock + self._world.cycle_s, max(last, blend))
-                waypoint = int(np.searchsorted(times, clock, side="right")) - 1
-                fade = max(0.0, 1.0 - clock / blend)
-                before = goal
-                goal = _at(times, joints, clock) + offset * (fade * fade * (3.0 - 2.0 * fade))
-                trail.append(_at(times, places, clock))
-                self._world.advance(goal, (goal - before) / self._world.cycle_s)
-                state = self._watch()
-                check_forces(state, self._bias, self.limits, force_limit_n, contact_force_n)
-                check_path(state, trail, self.limits)
-                if clock >= max(last, blend) and arrived(state, path[-1], self.limits):
-                    break
-                if self._world.time_s > end:
-                    raise Stopped(ExecutionStatus.TIMED_OUT, f"not there after 1.1 × {last:.1f} s + 2 s", state)
-        except Stopped as stop:
-            return self._end(stop, waypoint)
-        return Outcome(ExecutionStatus.SUCCEEDED, "", state, len(path) - 1)
+    def halt(self, stop: Stopped) -> Outcome:
+        """Stop for the reason in `stop`; return that and whether the arm then stands still."""
+        return Outcome(stop.status, stop.detail, stop.state, stop_observed=self.stop())
 
-    def push(self, axis: Array, depth_m: float, *, force_limit_n: float) -> Outcome:
-        """Push along `axis` until the depth is measured, giving way sideways; see `interface.Arm`."""
-        limits, guard = self.limits, None
-        try:
-            start = self._watch()
-            guard = PushGuard(start, axis, depth_m, self._bias, limits)
-            end = self._world.time_s + 1.1 * depth_m / limits.insert_speed_m_s + 2.0
-            goal, state = np.array(self._world.data.qpos[:6]), start
-            while True:
-                felt = np.subtract(state.force, self._bias)[:3]
-                along = float(felt @ axis)
-                sideways = felt - along * axis
-                ahead = min(1.0, max(-1.0, (limits.push_force_n + along) / limits.push_force_n))
-                aside = COMPLIANCE * sideways / limits.push_force_n
-                aside /= max(1.0, float(np.linalg.norm(aside)))
-                pace = SEATING_PACE if guard.seating else 1.0
-                velocity = pace * limits.insert_speed_m_s * (ahead * axis + aside)
-                before, goal = goal, self._moved(goal, velocity * self._world.cycle_s, start)
-                self._world.advance(goal, (goal - before) / self._world.cycle_s)
-                state = self._watch()
-                size = float(np.linalg.norm(np.subtract(state.force, self._bias)[:3]))
-                self.track.peak_insert_n = max(self.track.peak_insert_n, size)
-                if guard.check(state, force_limit_n):
-                    break
-                if self._world.time_s > end:
-                    raise Stopped(ExecutionStatus.TIMED_OUT, "the depth was not reached in 1.1 × its time + 2 s", state)
-            self._world.hold(0.1)
-            state = self._watch()
-            if guard.measure(state) < depth_m - limits.depth_tolerance_m:
-                raise Stopped(ExecutionStatus.JAMMED, "the part sprang back after the push", state)
-        except Stopped as stop:
-            outcome = self._end(stop)
-            depth = guard.depth_m if guard is not None else 0.0
-            detail = f"{outcome.detail} (depth {1e3 * depth:.1f} of {1e3 * depth_m:.1f} mm)"
-            return Outcome(outcome.status, detail, outcome.state, None, depth, outcome.stop_observed)
-        return Outcome(ExecutionStatus.SUCCEEDED, f"depth {1e3 * guard.depth_m:.2f} mm", state, None, guard.depth_m)
+    def stop(self) -> bool:
+        """Hold the present joint angles; return whether the arm then stands still."""
+        self._rest()
+        self._world.hold(0.3)
+        return bool(np.abs(self._world.data.qvel[:6]).max() < 0.01)
 
-    def _moved(self, joints: Array, shift: Array, start: ArmState) -> Array:
-        """Return joint angles that move the commanded tool by `shift` (3,) and turn it back to where it started."""
+    # How it moves
+
+    def _rest(self) -> None:
+        self._wanted = self._goal = self._push = None
+
+    def _yielding(self, joints: Array, push: _Push) -> Array:
+        """Return the joint angles (6,) of a push's next cycle: on along its axis, aside from what presses there."""
+        felt = self._world.felt[:3] - self._bias[:3]
+        size = float(np.linalg.norm(felt))
+        self.track.peak_insert_n = max(self.track.peak_insert_n, size)
+        along = float(felt @ push.axis)
+        ahead = min(1.0, max(-1.0, (push.force_n + along) / push.force_n))
+        aside = COMPLIANCE * (felt - along * push.axis) / push.force_n
+        aside /= max(1.0, float(np.linalg.norm(aside)))
+        shift = push.speed_m_s * (ahead * push.axis + aside) * self._world.cycle_s
         model, offset = self.place.cell.model, self.plan.cell.tcp_offset
-        target = list(model.tcp_pose(joints, offset))
-        target[:3] = (np.array(target[:3]) + shift).tolist()
-        target[3:] = start.tcp[3:]
+        target = [*(np.array(model.tcp_pose(joints, offset)[:3]) + shift).tolist(), *push.turn]
         try:
             return model.solve_pose(target, joints, offset)
         except InputError:
             return joints
-
-    def grip(self, width_m: float, force_n: float) -> tuple[Outcome, Grip]:
-        """Move the fingers to an opening, with at most `force_n`, or switch the vacuum; see `interface.Arm`."""
-        try:
-            grip = self._hand.grip(width_m, force_n)
-            return Outcome(ExecutionStatus.SUCCEEDED, "", self._state()), grip
-        except Stopped as stop:
-            return self._end(stop), Grip(None, None)
-
-    def stop(self) -> bool:
-        """Hold the present joint angles; return whether the arm then stands still."""
-        self._world.hold(0.3)
-        return bool(np.abs(self._world.data.qvel[:6]).max() < 0.01)
-
-    def _end(self, stop: Stopped, waypoint: int | None = None) -> Outcome:
-        """Return the outcome of a motion that must end, after ending it."""
-        still = self.stop()
-        return Outcome(stop.status, stop.detail, stop.state, waypoint, None, still)
-
-
-def _at(times: Array, values: Array, t: float) -> Array:
-    k = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, max(len(times) - 2, 0)))
-    if len(times) < 2:
-        return np.asarray(values[0])
-    u = min(1.0, max(0.0, (t - times[k]) / (times[k + 1] - times[k])))
-    return np.asarray(values[k] + u * (values[k + 1] - values[k]))

@@ -40,7 +40,20 @@ CLOSED, OPENED = WIDTH - 0.002, 0.05
 SPEEDUP = 4.0
 WIRING = VacuumWiring("standard_3", "configurable_1", 0.5)
 
-REST = ArmState(0.0, (0.0,) * 6, (0.0,) * 6, (0.4, 0.0, 0.3, 0.0, 0.0, 0.0), (0.0,) * 6, 1.0, 7, 1, 2, 3, 1, 0.9)
+REST = ArmState(
+    time_s=0.0,
+    q=(0.0,) * 6,
+    qd=(0.0,) * 6,
+    tcp=(0.4, 0.0, 0.3, 0.0, 0.0, 0.0),
+    force=(0.0,) * 6,
+    speed_scaling=1.0,
+    robot_mode=7,
+    safety_mode=1,
+    runtime_state=2,
+    status_bits=3,
+    safety_bits=1,
+    payload_kg=0.9,
+)
 """An arm that stands still, as its controller reports it."""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -135,21 +135,25 @@ def test_program_must_play_and_the_slider_be_above_zero() -> None:
         assert found is not None and found[0] is ExecutionStatus.PROGRAM_STOPPED
 
 
-def raw_state() -> list[object]:
-    six = [0.0] * 6
-    return [1.0, six, six, six, six, 1.0, 7, 1, 2, 3, 1, 0.9, 0, 0]
-
-
 def test_states_with_holes_or_numbers_that_are_not_finite_are_no_states() -> None:
-    assert parse_state(raw_state()).payload_kg == 0.9
-    for index, value in ((1, []), (3, [0.0] * 5), (2, [math.nan] * 6), (0, math.inf), (11, None), (13, None)):
-        broken = raw_state()
-        broken[index] = value
+    whole = asdict(REST)
+    assert parse_state(whole) == REST
+    broken: list[tuple[str, object]] = [
+        ("q", []),
+        ("tcp", [0.0] * 5),
+        ("qd", [math.nan] * 6),
+        ("time_s", math.inf),
+        ("payload_kg", None),
+        ("digital_outputs", None),
+        ("robot_mode", "running"),
+    ]
+    for name, value in broken:
         with pytest.raises(Stopped) as stop:
-            parse_state(broken)
+            parse_state({**whole, name: value})
         assert stop.value.status is ExecutionStatus.CONNECTION_LOST
-    with pytest.raises(Stopped):
-        parse_state(raw_state()[:-1])
+    for name in whole:
+        with pytest.raises(Stopped):
+            parse_state({k: v for k, v in whole.items() if k != name})
 
 
 def test_the_scheduler_prefers_this_process_only_as_long_as_it_is_asked_to() -> None:

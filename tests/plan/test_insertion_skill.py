@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ur_cell import small_plan
+from ur_cell import REST, small_plan
 
 from mocca_robot.arrays import Array
 from mocca_robot.plan.gripper import Grip
 from mocca_robot.plan.insertion_skill import insert
 from mocca_robot.plan.plan import MoveKind, Plan, Waypoint, insertion_axis
-from mocca_robot.plan.pose import Three
+from mocca_robot.plan.pose import Three, six
 from mocca_robot.plan.status import ArmState, ExecutionStatus, Outcome
 
 PLAN = small_plan(1)
@@ -24,9 +24,7 @@ LIMITS = PLAN.cell.limits
 
 
 def state_at(tcp: Sequence[float]) -> ArmState:
-    six = (0.0,) * 6
-    x, y, z, a, b, c = tcp
-    return ArmState(0.0, six, six, (x, y, z, a, b, c), six, 1.0, 7, 1, 2, 3, 1, 0.9)
+    return replace(REST, tcp=six(tcp))
 
 
 class Told:
@@ -66,7 +64,7 @@ class Told:
 
 
 def jam(depth_m: float) -> Outcome:
-    return Outcome(ExecutionStatus.JAMMED, "", None, None, depth_m)
+    return Outcome(ExecutionStatus.JAMMED, depth_m=depth_m)
 
 
 def silent(*_: object) -> None:
@@ -74,7 +72,7 @@ def silent(*_: object) -> None:
 
 
 def test_a_jam_is_left_the_way_it_came_and_the_next_push_runs_elsewhere_in_the_cone() -> None:
-    arm = Told(jam(0.004), Outcome(ExecutionStatus.SUCCEEDED, "", None, None, 0.008))
+    arm = Told(jam(0.004), Outcome(ExecutionStatus.SUCCEEDED, depth_m=0.008))
     outcome = insert(arm, STEP, MOVE, LIMITS, silent, state_at(MOVE.path[0].tcp))
     assert outcome.succeeded and arm.zeroed == 1
     (first, _), (second, depth) = arm.pushes
@@ -112,7 +110,7 @@ def test_a_push_ends_at_the_planned_place_wherever_the_arm_stands(ahead: float) 
     axis, length = insertion_axis(MOVE.path)
     start = np.array(MOVE.path[0].tcp)
     start[:3] += ahead * axis
-    arm = Told(Outcome(ExecutionStatus.SUCCEEDED, "", None, None, length - ahead))
+    arm = Told(Outcome(ExecutionStatus.SUCCEEDED, depth_m=length - ahead))
     outcome = insert(arm, STEP, MOVE, LIMITS, silent, state_at(start.tolist()))
     assert arm.pushes[0][1] == pytest.approx(length - ahead)
     assert outcome.depth_m == pytest.approx(length)

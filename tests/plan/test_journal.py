@@ -19,7 +19,10 @@ OTHER = small_plan(1)
 
 def event(name: str, step: int | None = None) -> ExecutionEvent:
     part = None if step is None else PLAN.steps[step].part
-    return ExecutionEvent(utc_now(), name, step, part, status=ExecutionStatus.JAMMED, detail="stuck", q=(0.1,) * 6)
+    status = ExecutionStatus.JAMMED
+    return ExecutionEvent(
+        time_utc=utc_now(), event=name, step=step, part=part, status=status, detail="stuck", q=(0.1,) * 6
+    )
 
 
 def written(path: Path, *events: ExecutionEvent, plan: Plan = PLAN) -> Path:

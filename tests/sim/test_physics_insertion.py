@@ -209,7 +209,7 @@ def test_a_curved_solid_joint_lets_in_and_holds_what_its_cone_says(height):
     for azimuth in (0.0, np.pi / 4):
         tilt = physical_tilt(compiled, contacts, azimuth)
         assert tilt.statics_rad > np.deg2rad(5.0)
-        assert abs(tilt.difference_rad) < np.deg2rad(1.5)
+        assert abs(tilt.critical_rad - tilt.statics_rad) < np.deg2rad(1.5)
 
 
 def test_resting_flat_parts_meet_only_where_they_share_a_contact_and_the_driven_one_meets_all():

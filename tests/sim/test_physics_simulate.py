@@ -46,7 +46,7 @@ def test_physics_and_statics_agree_on_a_good_design(simulated):
     assert all(s.agrees for s in found.states)
     assert [t.friction for t in found.tilt] == [0.0, 0.0, 0.3, 0.3]
     assert all(t.succeeded == (t.kind != "outside") for t in found.insertion), [t.reason for t in found.insertion]
-    assert all(abs(t.difference_rad) < np.deg2rad(0.5) for t in found.tilt if t.friction == 0.0)
+    assert all(abs(t.critical_rad - t.statics_rad) < np.deg2rad(0.5) for t in found.tilt if t.friction == 0.0)
 
 
 def test_progress_counts_up_to_the_end_of_each_stage(simulated):
@@ -172,7 +172,7 @@ def test_large_structures_are_tilted_with_friction_only_when_asked(monkeypatch):
     asked = simulate(assembly, None, replace(ask, friction=0.3))
     assert {t.friction for t in asked.tilt} == {0.0, 0.3} and not asked.notes
     for tilt in asked.tilt:
-        assert abs(tilt.difference_rad) < np.deg2rad(1.5)
+        assert abs(tilt.critical_rad - tilt.statics_rad) < np.deg2rad(1.5)
 
 
 def test_an_error_in_a_trial_is_raised_and_the_others_are_kept():

@@ -333,7 +333,7 @@ def test_a_film_that_cannot_be_written_is_refused_before_the_rehearsal(
 
 def test_plans_that_cannot_be_rehearsed_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plan = plan_for(pile())
-    bare = replace(plan, cell=replace(plan.cell, extra={}))
+    bare = replace(plan, cell=replace(plan.cell, description={}))
     with pytest.raises(InputError, match="does not describe its cell"):
         rehearse(bare, pile())
     write_design(pile(), tmp_path)

@@ -19,6 +19,7 @@ from ur_cell import CELL, SERIAL, command, environment, fake_controller, loopbac
 from mocca_robot.errors import EnvironmentNeeded, InputError
 from mocca_robot.plan.executor import execute
 from mocca_robot.plan.journal import Journal, read_journal
+from mocca_robot.plan.motions import Motions
 from mocca_robot.plan.plan import MoveKind, document
 from mocca_robot.plan.status import ExecutionStatus
 from mocca_robot.ur.driver import UrArm
@@ -90,8 +91,9 @@ def test_real_time_motion_stays_below_the_speed_cap(tmp_path: Path) -> None:
         with UrArm(host, ONE, SERIAL) as arm:
             assert arm.preflight(ONE, 0).succeeded
             ask(host, q=list(ONE.steps[0].moves[-1].path[0].q))
-            assert arm.zero_force().succeeded
-            outcome = arm.follow(ONE.steps[0].moves[-1].path, force_limit_n=20.0, contact_force_n=None)
+            motions = Motions(arm)
+            assert motions.zero_force().succeeded
+            outcome = motions.follow(ONE.steps[0].moves[-1].path, force_limit_n=20.0, contact_force_n=None)
         assert outcome.status is ExecutionStatus.SUCCEEDED
         # The path peaks at 0.09 m/s; cycles of uneven length show as unevenness, never as catching up.
         assert 0.05 < ask(host)["largest_speed_m_s"] < 1.5 * CELL.limits.transfer_speed_m_s
@@ -200,10 +202,11 @@ def test_no_motion_without_a_preflight_that_passed(tmp_path: Path) -> None:
     one_file = written(ONE, tmp_path)
     with fake_controller(one_file, loopback(11)) as host, UrArm(host, ONE, SERIAL) as arm:
         path = ONE.steps[0].moves[1].path
+        motions = Motions(arm)
         outcomes = [
-            arm.follow(path, force_limit_n=20.0, contact_force_n=None),
-            arm.push(np.array([0.0, 0.0, -1.0]), 0.005, force_limit_n=20.0),
-            arm.grip(0.02, 20.0)[0],
+            motions.follow(path, force_limit_n=20.0, contact_force_n=None),
+            motions.push(np.array([0.0, 0.0, -1.0]), 0.005, force_limit_n=20.0),
+            motions.grip(0.02, 20.0)[0],
         ]
         truth = ask(host)
     assert [o.status for o in outcomes] == [ExecutionStatus.REFUSED] * 3
@@ -222,7 +225,7 @@ def test_second_process_is_refused_by_the_lock_and_without_it_by_the_robot(tmp_p
         remote = run("execute", one_file, "--robot", host, "--confirm", SERIAL, TMPDIR=str(other))
         assert remote.returncode == 2
         assert "running another program" in remote.stderr
-        assert arm.zero_force().succeeded  # the owner does not notice
+        assert Motions(arm).zero_force().succeeded  # the owner does not notice
 
 
 @undisturbed

@@ -40,7 +40,7 @@ from mocca_robot.plan.wiring import SIGNALS, VacuumWiring
 from mocca_robot.ur import suction
 from mocca_robot.ur.driver import UrArm
 from mocca_robot.ur.fake.controller import ask
-from planners.robot.tool import gripper_document, read_gripper
+from planners.robot.tool import read_gripper
 
 ONE = suction_plan(1, short=True)
 ON = 1 << WIRING.output_bit
@@ -290,8 +290,6 @@ def test_a_cell_file_says_how_its_cup_is_wired() -> None:
     wired = {**raw, "vacuum_output": "tool_0", "vacuum_input": "tool_1", "vacuum_wait_s": 0.4}
     gripper = read_gripper(wired, "gripper")
     assert gripper.wiring == VacuumWiring("tool_0", "tool_1", 0.4)  # type: ignore[union-attr]
-    again = read_gripper(gripper_document(gripper), "gripper")
-    assert again.wiring == gripper.wiring  # type: ignore[union-attr]
     for wrong, words in (
         ({"vacuum_input": "tool_1"}, "but not 'vacuum_output'"),
         ({"vacuum_output": "tool_2"}, "vacuum_output"),

@@ -1,0 +1,213 @@
+"""The supervised loop: paths, pushes, pauses and grips on any arm, each ending with a status and its evidence.
+
+One cycle commands, waits, looks at the state and lets the guards judge it. What a robot may do to a motion ends it with
+an Outcome, never with an exception; an exception that nobody foresaw stops the arm before it goes on.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mocca_robot.arrays import Array
+from mocca_robot.plan.arm import Arm
+from mocca_robot.plan.gripper import Grip
+from mocca_robot.plan.guards import SEATING_PACE, PushGuard, arrived, check_forces, check_path, check_start
+from mocca_robot.plan.plan import Waypoint
+from mocca_robot.plan.pose import Three, distance_m
+from mocca_robot.plan.push_frame import frame_along
+from mocca_robot.plan.status import ArmState, ExecutionStatus, Outcome
+from mocca_robot.plan.supervision import Stopped
+
+LEAD_IN_S = 0.5
+USUAL_CYCLE_S = 0.02
+LONGEST_CYCLE_S = 0.1
+HURRY = 1.2
+"""How much longer than its fellows a cycle may count on the path's clock."""
+TRAIL = 50
+"""Commands that the arm may lag behind."""
+
+
+class Motions:
+    """Supervised motions of `arm`. `speed` is the share of its planned speed at which a path is followed, and, below 1,
+    a part pushed; above 1 only a simulated arm is asked to move.
+    """
+
+    def __init__(self, arm: Arm, speed: float = 1.0) -> None:
+        self.arm = arm
+        self.limits = arm.limits
+        self.speed = speed
+        self._bias = np.zeros(6)
+
+    def set_payload(self, mass_kg: float, cog_m: Three) -> Outcome:
+        """Set what the arm carries and read it back; REFUSED when the controller does not take it over."""
+
+        def motion() -> Outcome:
+            self.arm.set_payload(mass_kg, cog_m)
+            state = self._settle(0.1)
+            if abs(state.payload_kg - mass_kg) > 1e-3:
+                detail = f"payload reads back as {state.payload_kg:.3f} kg after setting {mass_kg:.3f} kg"
+                return Outcome(ExecutionStatus.REFUSED, detail, state)
+            return Outcome(ExecutionStatus.SUCCEEDED, "", state)
+
+        return self._supervised(motion)
+
+    def zero_force(self) -> Outcome:
+        """Pause, zero the sensor, and take what it then shows as the bias; REFUSED when that is still large."""
+
+        def motion() -> Outcome:
+            self._settle(0.2)
+            self.arm.zero_force()
+            state = self._settle(0.1)
+            self._bias = np.array(state.force)
+            size = float(np.linalg.norm(self._bias[:3]))
+            if size > self.limits.contact_force_n:
+                detail = (
+                    f"the hand feels {size:.1f} N where it should hang free, limit {self.limits.contact_force_n:g} N"
+                )
+                return Outcome(ExecutionStatus.REFUSED, detail, state)
+            return Outcome(ExecutionStatus.SUCCEEDED, "", state)
+
+        return self._supervised(motion)
+
+    def grip(self, width_m: float, force_n: float) -> tuple[Outcome, Grip]:
+        """Move the fingers, or switch the vacuum, while the arm stands still; return what they really did, too."""
+        found = [Grip(None, None)]
+
+        def motion() -> Outcome:
+            found[0] = self.arm.grip(width_m, force_n)
+            return Outcome(ExecutionStatus.SUCCEEDED, "", self.arm.watch())
+
+        return self._supervised(motion), found[0]
+
+    def follow(self, path: Sequence[Waypoint], *, force_limit_n: float, contact_force_n: float | None) -> Outcome:
+        """Follow a timed path; CONTACT above `contact_force_n` (if any), FORCE_LIMIT above `force_limit_n`.
+
+        The path's clock is the controller's, slowed down with it; the arm is led onto the path from where it stands.
+        """
+        reached = [0]
+
+        def motion() -> Outcome:
+            state = self.arm.watch()
+            check_start(state, path[0], self.limits)
+            way = _Way(path, state, self._lead_in_s(state, path[0]), self.speed)
+            end = self.arm.now() + 1.1 * way.last_s / self.speed + 2.0
+            trail: deque[Array] = deque(maxlen=TRAIL)
+            while True:
+                reached[0] = way.advance(state)
+                trail.append(way.place)
+                self.arm.servo(way.goal)
+                state = self.arm.attend()
+                check_forces(state, self._bias, self.limits, force_limit_n, contact_force_n)
+                check_path(state, trail, self.limits)
+                if way.over and arrived(state, path[-1], self.limits):
+                    break
+                if self.arm.now() > end:
+                    slow = f" at {state.speed_scaling:.0%} speed" if state.speed_scaling < 1.0 else ""
+                    detail = f"not there after 1.1 × {way.last_s / self.speed:.1f} s + 2 s{slow}"
+                    raise Stopped(ExecutionStatus.TIMED_OUT, detail, state)
+            self.arm.end_servo()
+            return Outcome(ExecutionStatus.SUCCEEDED, "", self.arm.watch(), waypoint=len(path) - 1)
+
+        outcome = self._supervised(motion)
+        return outcome if outcome.succeeded else replace(outcome, waypoint=reached[0])
+
+    def push(self, axis: Array, depth_m: float, *, force_limit_n: float) -> Outcome:
+        """Push compliantly along `axis` (3,), unit, until `depth_m` is measured; JAMMED when it does not get there."""
+        limits = self.limits
+        depth = [0.0]
+
+        def motion() -> Outcome:
+            start = self.arm.watch()
+            guard = PushGuard(start, axis, depth_m, self._bias, limits)
+            speed = min(1.0, self.speed) * limits.insert_speed_m_s
+            end = self.arm.now() + 1.1 * depth_m / speed + 2.0
+            frame, seating = frame_along(axis, start.tcp), False
+            self.arm.push_along(frame, limits.push_force_n, speed)
+            while True:
+                state = self.arm.attend()
+                there = guard.check(state, force_limit_n)
+                depth[0] = guard.depth_m
+                if there:
+                    break
+                if self.arm.now() > end:
+                    detail = "the planned depth was not reached in 1.1 × its duration + 2 s"
+                    raise Stopped(ExecutionStatus.TIMED_OUT, detail, state)
+                if guard.seating and not seating:
+                    seating = True
+                    self.arm.push_along(frame, limits.push_force_n, SEATING_PACE * speed)
+            self.arm.end_push()
+            state = self._settle(0.1)
+            depth[0] = guard.measure(state)
+            if depth[0] < depth_m - limits.depth_tolerance_m:
+                raise Stopped(ExecutionStatus.JAMMED, "the part sprang back after the push", state)
+            return Outcome(ExecutionStatus.SUCCEEDED, f"depth {1e3 * depth[0]:.2f} mm", state, depth_m=depth[0])
+
+        outcome = self._supervised(motion)
+        if outcome.succeeded:
+            return outcome
+        detail = f"{outcome.detail} (depth {1e3 * depth[0]:.1f} of {1e3 * depth_m:.1f} mm)"
+        return replace(outcome, detail=detail, depth_m=depth[0])
+
+    def _supervised(self, motion: Callable[[], Outcome]) -> Outcome:
+        try:
+            return motion()
+        except Stopped as stop:
+            return self.arm.halt(stop)
+        except BaseException:
+            self.arm.stop()
+            raise
+
+    def _settle(self, seconds: float) -> ArmState:
+        end = self.arm.now() + seconds
+        while True:
+            state = self.arm.attend()
+            if self.arm.now() >= end:
+                return state
+
+    def _lead_in_s(self, state: ArmState, first: Waypoint) -> float:
+        """Return the time on the path's clock in which the arm is led onto the path from where it stands."""
+        seconds = max(LEAD_IN_S, 2.0 * distance_m(state.tcp, first.tcp) / self.limits.approach_speed_m_s)
+        return max(1.0, self.speed) * seconds
+
+
+class _Way:
+    """A path with its clock: `goal` (6,) is what to command now, `place` (3,) where the planned tool is."""
+
+    def __init__(self, path: Sequence[Waypoint], state: ArmState, lead_in_s: float, speed: float) -> None:
+        self._times = np.array([w.t - path[0].t for w in path])
+        self._joints = np.array([w.q for w in path])
+        self._places = np.array([w.tcp[:3] for w in path])
+        self._offset = np.subtract(state.q, path[0].q)  # re-synced to where the arm really is, blended out
+        self._lead_in_s = lead_in_s
+        self._speed = speed
+        self._clock, self._arm_time, self._pace = 0.0, state.time_s, USUAL_CYCLE_S
+        self.last_s = max(float(self._times[-1]), lead_in_s)
+        self.goal, self.place = self._joints[0], self._places[0]
+
+    @property
+    def over(self) -> bool:
+        """Return whether the clock has reached the path's end."""
+        return self._clock >= self.last_s
+
+    def advance(self, state: ArmState) -> int:
+        """Move the clock on to `state`, and return the last waypoint that was passed."""
+        # A late cycle is not made up for: the path only takes longer, the arm never hurries after it.
+        elapsed = max(state.time_s - self._arm_time, 0.0)
+        self._pace += 0.1 * (min(elapsed, LONGEST_CYCLE_S) - self._pace)
+        elapsed, self._arm_time = min(elapsed, HURRY * self._pace), state.time_s
+        self._clock = min(self._clock + elapsed * state.speed_scaling * self._speed, self.last_s)
+        fade = max(0.0, 1.0 - self._clock / self._lead_in_s)
+        self.goal = _interpolate(self._times, self._joints, self._clock) + self._offset * (
+            fade * fade * (3.0 - 2.0 * fade)
+        )
+        self.place = _interpolate(self._times, self._places, self._clock)
+        return int(np.searchsorted(self._times, self._clock, side="right")) - 1
+
+
+def _interpolate(times: Array, values: Array, t: float) -> Array:
+    """Return values (k,) at time t of a piecewise linear path; its ends beyond them."""
+    return np.array([float(np.interp(t, times, column)) for column in values.T])
