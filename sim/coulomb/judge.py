@@ -1,4 +1,4 @@
-"""Does an assembly, or a state of it, stand with friction, and up to which tilt?"""
+"""Does an assembly, or a state of it, stand with friction?"""
 
 from __future__ import annotations
 
@@ -12,15 +12,11 @@ from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.joint import contact_rays
-from mocca_robot.statics.cases import case_at
 from mocca_robot.statics.loads import LoadCase, case_wrenches
-from sim.bracket import bracket
 from sim.coulomb.settle import COURSE, Course, Outcome, Settled, settle
 from sim.coulomb.springs import Springs
 from sim.motion import reach
 
-RESOLUTION_RAD = float(np.deg2rad(0.1))
-"""Width at which the search for a critical tilt ends."""
 MOVED = 0.05
 """Way of a part, relative to the farthest, from which it takes part in a fall; what stands gives by less."""
 
@@ -89,50 +85,11 @@ def standing(rubbing: Rubbing, case: LoadCase, course: Course = COURSE) -> Stand
     """Return whether the parts that are there stand when the load of `case` grows from zero."""
     assembly = rubbing.assembly
     springs = rubbing.springs(case.present, case.held)
-    return _told(assembly, settle(springs, case_wrenches(case, assembly, rubbing.contacts), course))
+    return told(assembly, settle(springs, case_wrenches(case, assembly, rubbing.contacts), course))
 
 
-@dataclass(frozen=True, eq=False)
-class TiltBracket:
-    """Where a critical tilt lies.
-
-    Attributes:
-        stood_rad, fell_rad: the largest tilt that stood and the smallest that did not; both 0 when it falls upright,
-            both π/2 when it stands at every tilt.
-        runs: what each tilt (radians) that was tried did.
-    """
-
-    stood_rad: float
-    fell_rad: float
-    runs: dict[float, Standing]
-
-
-def tilt_bracket(
-    rubbing: Rubbing,
-    azimuth_rad: float,
-    guess_rad: float,
-    resolution_rad: float = RESOLUTION_RAD,
-    course: Course = COURSE,
-) -> TiltBracket:
-    """Return between which tilts towards an azimuth the finished assembly stops standing.
-
-    Every tilt's load grows from zero by itself: that is the history the verdict is about. A guess saves runs.
-    """
-    assembly, runs = rubbing.assembly, dict[float, Standing]()
-
-    def stands(angle: float) -> bool:
-        if angle not in runs:
-            wrenches = case_wrenches(case_at(assembly, angle, azimuth_rad), assembly, rubbing.contacts)
-            runs[angle] = _told(assembly, settle(rubbing.whole, wrenches, course))
-        return runs[angle].stands
-
-    low, high = bracket(stands, guess_rad, resolution_rad)
-    if high >= np.pi / 2 and stands(np.pi / 2):
-        low = high
-    return TiltBracket(low, high, runs)
-
-
-def _told(assembly: Assembly, settled: Settled) -> Standing:
+def told(assembly: Assembly, settled: Settled) -> Standing:
+    """Return a verdict with the names of the parts that fall."""
     if settled.outcome is Outcome.STANDS:
         return Standing(settled, ())
     d = assembly.dimension

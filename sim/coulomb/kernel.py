@@ -47,7 +47,7 @@ class Resting(NamedTuple):
     shear: Array
 
 
-Advance: TypeAlias = Callable[[ContactSprings, Array, Resting, int, int, int, float, float], None]
+Advance: TypeAlias = Callable[[ContactSprings, Array, Array, Resting, int, int, int, float, float], None]
 
 
 def _advance(d: int, dof: int) -> Advance:
@@ -56,6 +56,7 @@ def _advance(d: int, dof: int) -> Advance:
     @compiled
     def advance(
         springs: ContactSprings,
+        before: Array,
         load: Array,
         state: Resting,
         taken: int,
@@ -72,7 +73,7 @@ def _advance(d: int, dof: int) -> Advance:
             share = min(1.0, (step + 1) / ramp)
             for p in range(len(load)):
                 for a in range(dof):
-                    force[p, a] = share * load[p, a]
+                    force[p, a] = before[p, a] + share * (load[p, a] - before[p, a])
             for c in range(len(rows)):
                 i, j = first[c], second[c]
                 for k in range(d):
@@ -126,6 +127,7 @@ _ADVANCE = {2: _advance(2, 3), 3: _advance(3, 6)}
 
 def advance(
     springs: ContactSprings,
+    before: Array,
     load: Array,
     state: Resting,
     taken: int,
@@ -137,9 +139,9 @@ def advance(
     """Take `steps` steps of unit length and change `state`.
 
     The normal force is k · max(0, −gap); sliding does not lift. The tangential spring stretches with what moves across
-    and slips at μ times the normal force. Steps from `taken` on bring (step + 1) / `ramp` of `load` (P, dof), at most
-    all of it. `damping` holds a part back by that share of the force on it that nothing balances: none where all is
-    balanced, and none that could hold up what falls. `viscosity` (steps) damps what rattles in a contact, never what
-    slides.
+    and slips at μ times the normal force. Steps from `taken` on bring the load from `before` to `load` (P, dof), which
+    acts in full after `ramp` steps. `damping` holds a part back by that share of the force on it that nothing balances:
+    none where all is balanced, and none that could hold up what falls. `viscosity` (steps) damps what rattles in a
+    contact, never what slides.
     """
-    _ADVANCE[springs.rows.shape[2]](springs, load, state, taken, steps, ramp, damping, viscosity)
+    _ADVANCE[springs.rows.shape[2]](springs, before, load, state, taken, steps, ramp, damping, viscosity)

@@ -17,11 +17,11 @@ class Course:
     """How the load is brought on, and when a run is over.
 
     Attributes:
-        ramp: steps in which the load grows to all of it; four and a quarter times as many change no critical tilt of a
-            wall of 150 or a dome of 140 bricks.
+        ramp: steps in which the load grows to all of it. With four times as many, a wall of 150 and a dome of 140
+            bricks do the same at every tilt that was tried.
         damping: see `sim.coulomb.kernel.advance`.
-        gone: a contact that opens or slides by so many times what the springs give has gone, and it falls. Springs of
-            real contacts give about a thousandth of a millimetre.
+        gone: a contact that opens or slides by so many times what the springs give has gone, and it falls. What
+            contacts really give is about a micrometre.
         balanced: what rests: force that nothing balances, relative to the load, and speed per step, relative to what
             the springs give.
         most: steps after which there is no verdict.
@@ -63,6 +63,7 @@ class Settled:
             motion, of no size: how much springs give is not known.
         forces: (K, d) newtons on the later part of every contact point given.
         steps: of the run.
+        held: the state and the load (F, dof) in which it ended, to go on from.
     """
 
     outcome: Outcome
@@ -73,48 +74,56 @@ class Settled:
     motions: Array
     forces: Array
     steps: int
+    held: tuple[Resting, Array]
 
 
-def settle(springs: Springs, wrenches: Array, course: Course = COURSE) -> Settled:
-    """Return whether the parts stand under world wrenches (N, dof) about the origin that grow from zero.
+def settle(springs: Springs, wrenches: Array, course: Course = COURSE, after: Settled | None = None) -> Settled:
+    """Return whether the parts stand under world wrenches (N, dof) about the origin.
 
-    They stand when everything rests, and fall when a contact has opened or slid by `course.gone` and the load gains by
-    what still moves. Points and normals stay where they are: the verdict is on the geometry as it is given.
+    The load grows from zero, or changes from the one of a run that ended `after` which this one comes. They stand when
+    everything rests, and fall when a contact has opened or slid by `course.gone` and the load gains by what still
+    moves. Points and normals stay where they are: the verdict is on the geometry as it is given.
     """
     load, unit = springs.load(wrenches)
-    state = _at_rest(springs)
-    steps = 0
+    state, before = _at_rest(springs) if after is None else _copied(after.held)
+    steps, outcome = 0, Outcome.UNDECIDED
     seen = _Seen.of(springs, load, state, 0.0)
-    while steps < course.most:
-        advance(springs.contacts, load, state, steps, course.look, course.ramp, course.damping, VISCOSITY)
+    while outcome is Outcome.UNDECIDED and steps < course.most:
+        advance(springs.contacts, before, load, state, steps, course.look, course.ramp, course.damping, VISCOSITY)
         steps += course.look
-        seen = _Seen.of(springs, load, state, min(1.0, steps / course.ramp))
+        seen = _Seen.of(springs, load, state, 1.0 if after is not None else min(1.0, steps / course.ramp))
         outcome = _outcome(seen, steps, course)
-        if outcome is not Outcome.UNDECIDED:
-            break
-    else:
-        outcome = Outcome.UNDECIDED
     pushes = np.column_stack([np.maximum(0.0, -springs.contacts.normal * state.gap), state.shear])
     forces = np.zeros((len(springs.used), springs.axes.shape[1]))
     forces[springs.used] = unit * np.einsum("ck,ckx->cx", pushes, springs.axes)
-    largest = float(np.linalg.norm(load, axis=1).max(initial=0.0)) or 1.0
     left = np.linalg.norm(load + springs.resultant(pushes), axis=1)
     return Settled(
         outcome=outcome,
-        unbalanced=float(left.max(initial=0.0)) / largest,
+        unbalanced=float(left.max(initial=0.0)) / _largest(load),
         fastest=seen.fastest,
         farthest=seen.farthest,
         power=seen.power,
         motions=read_only(springs.motions(state.motion[:-1] / seen.give)),
         forces=read_only(forces),
         steps=steps,
+        held=(state, load),
     )
 
 
-def _at_rest(springs: Springs) -> Resting:
+def _at_rest(springs: Springs) -> tuple[Resting, Array]:
     contacts, d = springs.axes.shape[:2]
     motion, speed, force = (np.zeros((len(springs.free) + 1, springs.dof)) for _ in range(3))
-    return Resting(motion, speed, force, np.zeros(contacts), np.zeros((contacts, d - 1)))
+    state = Resting(motion, speed, force, np.zeros(contacts), np.zeros((contacts, d - 1)))
+    return state, np.zeros((len(springs.free), springs.dof))
+
+
+def _copied(held: tuple[Resting, Array]) -> tuple[Resting, Array]:
+    return Resting(*(a.copy() for a in held[0])), held[1]
+
+
+def _largest(load: Array) -> float:
+    """Return the largest force on a part; 1 where there is none."""
+    return float(np.linalg.norm(load, axis=1).max(initial=0.0)) or 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,10 +144,9 @@ class _Seen:
         way = springs.relative(motion)
         gone = np.maximum(way[:, 0], np.linalg.norm(way[:, 1:], axis=1))
         adrift = np.linalg.norm(motion[springs.adrift], axis=1)
-        largest = float(np.linalg.norm(load, axis=1).max(initial=0.0)) or 1.0
         return cls(
             give=give,
-            unbalanced=float(np.linalg.norm(state.force[:-1], axis=1).max(initial=0.0)) / largest,
+            unbalanced=float(np.linalg.norm(state.force[:-1], axis=1).max(initial=0.0)) / _largest(load),
             fastest=float(np.linalg.norm(speed, axis=1).max(initial=0.0)) / give,
             farthest=max(float(gone.max(initial=0.0)), float(adrift.max(initial=0.0))) / give,
             power=float((load * speed).sum()) / give,
