@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.geometry.cones import generalized_normals
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.geometry.frames import tangents
 from sim.coulomb.kernel import ContactSprings
 
 HEAVY = 2.0
@@ -78,7 +79,7 @@ class Springs:
         place = np.full(count, len(moving))
         place[moving] = np.arange(len(moving))
         first, second = place[pairs[used]].T
-        axes = _axes(normals[used])
+        axes = np.concatenate([normals[used, None], tangents(normals[used])], axis=1)
         sides = [_rows(axes, points[used], about[pairs[used, s]], length) for s in (0, 1)]
         normal = np.ones(len(first)) if stiffness is None else stiffness[used] / stiffness[used].max(initial=0.0)
         held = _held((first, second), sides, normal, shear_ratio, len(moving))
@@ -145,11 +146,6 @@ class Springs:
         np.add.at(out, c.second, np.einsum("cky,ck->cy", c.rows[:, 1], pushes))
         np.add.at(out, c.first, -np.einsum("cky,ck->cy", c.rows[:, 0], pushes))
         return out[:-1]
-
-
-def _axes(normals: Array) -> Array:
-    """Return (C, d, d) each normal with unit tangents."""
-    return np.concatenate([normals[:, None], tangents(normals)], axis=1)
 
 
 def _rows(axes: Array, points: Array, about: Array, length: float) -> Array:
