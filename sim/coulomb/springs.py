@@ -10,7 +10,6 @@ import scipy.sparse as sp
 from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.geometry.cones import generalized_normals
 from mocca_robot.geometry.frames import tangents
-from mocca_robot.geometry.frames import tangents
 from sim.coulomb.kernel import ContactSprings
 
 HEAVY = 2.0
