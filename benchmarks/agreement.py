@@ -122,7 +122,16 @@ def _rows(
             yield row
     if sums:
         told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(sums.items()))
-        yield Measurement(bench, "all", "statics|mujoco", total, 1, told, float("nan"), float("nan"))
+        yield Measurement(
+            bench=bench,
+            case="all",
+            tool="statics|mujoco",
+            seconds=total,
+            repeats=1,
+            verdict=told,
+            kkt=float("nan"),
+            memory_mb=float("nan"),
+        )
 
 
 def _row(case: tuple[str, str, Callable[[], Comparison | str]]) -> Measurement:
@@ -131,7 +140,16 @@ def _row(case: tuple[str, str, Callable[[], Comparison | str]]) -> Measurement:
     found = find()
     seconds = time.process_time() - started
     words = f"unusable: {found}" if isinstance(found, str) else found.words()
-    return Measurement(bench, name, "statics|mujoco", seconds, 1, words, float("nan"), float("nan"))
+    return Measurement(
+        bench=bench,
+        case=name,
+        tool="statics|mujoco",
+        seconds=seconds,
+        repeats=1,
+        verdict=words,
+        kkt=float("nan"),
+        memory_mb=float("nan"),
+    )
 
 
 def random_probe(kind: str, seed: int) -> tuple[Assembly, float]:

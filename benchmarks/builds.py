@@ -122,4 +122,13 @@ def _fake(plan_file: Path, plan: Plan) -> Iterator[None]:
 
 def _row(case: str, tool: str, seconds: float, verdict: str) -> Measurement:
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    return Measurement("builds", case, tool, seconds, 1, verdict, float("nan"), memory)
+    return Measurement(
+        bench="builds",
+        case=case,
+        tool=tool,
+        seconds=seconds,
+        repeats=1,
+        verdict=verdict,
+        kkt=float("nan"),
+        memory_mb=memory,
+    )

@@ -16,7 +16,7 @@ GRIDS = {10: (2, 5), 20: (4, 5), 40: (5, 8), 50: (5, 10), 200: (10, 20)}
 """Sample counts per joint and the grid that gives them."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Case:
     """A structure of N parts with C contact rays.
 
@@ -159,7 +159,7 @@ def _case(kind: str, blocks: int, faces: Sequence[Interface], centroids: Array, 
     weights = np.r_[0.0, volumes] * 1000.0 * GRAVITY
     name = f"{kind}-{blocks}-{f'{samples}' if samples else 'planar'}"
     points, normals = (np.concatenate(x) for x in zip(*rays))
-    return Case(name, pairs, points, normals, centroids, weights, free)
+    return Case(name=name, pairs=pairs, points=points, normals=normals, centroids=centroids, weights=weights, free=free)
 
 
 def _rays(face: Interface, samples: int, bulge: float = 0.15) -> tuple[Array, Array]:

@@ -107,17 +107,62 @@ def _peer(
         )
         answer = json.loads(done.stdout.splitlines()[-1])
     except subprocess.TimeoutExpired:
-        return Measurement("contacts", name, row, PEER_LIMIT_S, 0, "timeout", np.nan, np.nan)
+        return Measurement(
+            bench="contacts",
+            case=name,
+            tool=row,
+            seconds=PEER_LIMIT_S,
+            repeats=0,
+            verdict="timeout",
+            kkt=np.nan,
+            memory_mb=np.nan,
+        )
     except subprocess.CalledProcessError as error:
         reason = (error.stderr.strip().splitlines() or [""])[-1]
-        return Measurement("contacts", name, row, np.nan, 0, f"failed: {reason[:80]}", np.nan, np.nan)
+        return Measurement(
+            bench="contacts",
+            case=name,
+            tool=row,
+            seconds=np.nan,
+            repeats=0,
+            verdict=f"failed: {reason[:80]}",
+            kkt=np.nan,
+            memory_mb=np.nan,
+        )
     except (subprocess.SubprocessError, OSError, ValueError, IndexError) as error:
-        return Measurement("contacts", name, row, np.nan, 0, f"failed: {type(error).__name__}", np.nan, np.nan)
+        return Measurement(
+            bench="contacts",
+            case=name,
+            tool=row,
+            seconds=np.nan,
+            repeats=0,
+            verdict=f"failed: {type(error).__name__}",
+            kkt=np.nan,
+            memory_mb=np.nan,
+        )
     if "failed" in answer:
-        return Measurement("contacts", name, row, np.nan, 0, f"failed: {answer['failed'][:160]}", np.nan, np.nan)
+        return Measurement(
+            bench="contacts",
+            case=name,
+            tool=row,
+            seconds=np.nan,
+            repeats=0,
+            verdict=f"failed: {answer['failed'][:160]}",
+            kkt=np.nan,
+            memory_mb=np.nan,
+        )
     said = _words(answer["pairs"], expected)
     verdict = said if friction is None else f"{answer['verdict']}, {said}"
-    return Measurement("contacts", name, row, answer["seconds"], 1, verdict, np.nan, answer["memory_mb"])
+    return Measurement(
+        bench="contacts",
+        case=name,
+        tool=row,
+        seconds=answer["seconds"],
+        repeats=1,
+        verdict=verdict,
+        kkt=np.nan,
+        memory_mb=answer["memory_mb"],
+    )
 
 
 def _polyhedra(assembly: Assembly) -> list[dict[str, object]]:

@@ -137,4 +137,13 @@ def configs(quick: bool, only: str | None) -> Iterator[Measurement]:
             ours = replace(ours, verdict=f"holds; {ratio:.0f}× less than the paper's")
         yield ours
         nothing = float("nan")
-        yield Measurement("configs", path.stem, "paper, 64 cores", 60.0 * minutes, 0, "published", nothing, nothing)
+        yield Measurement(
+            bench="configs",
+            case=path.stem,
+            tool="paper, 64 cores",
+            seconds=60.0 * minutes,
+            repeats=0,
+            verdict="published",
+            kkt=nothing,
+            memory_mb=nothing,
+        )

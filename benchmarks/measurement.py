@@ -23,7 +23,7 @@ class Outcome:
     kkt: float = float("nan")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Measurement:
     """One row of a benchmark: `seconds` is the median over `repeats` of CPU time, or by the clock (`side_by_side`)."""
 
@@ -120,7 +120,16 @@ class _Tool:
         self._pipe.close()
         seconds = statistics.median(self.times) if self.times else float("nan")
         found = self._outcome
-        return Measurement(bench, case, name, seconds, len(self.times), found.verdict, found.kkt, self._memory)
+        return Measurement(
+            bench=bench,
+            case=case,
+            tool=name,
+            seconds=seconds,
+            repeats=len(self.times),
+            verdict=found.verdict,
+            kkt=found.kkt,
+            memory_mb=self._memory,
+        )
 
 
 def _child(pipe: Connection, run: Callable[[], Outcome], by_clock: bool) -> None:

@@ -55,7 +55,16 @@ def profile(quick: bool = False, only: str | None = None) -> Iterator[Measuremen
         total = sum(seconds.values())
         nothing = float("nan")
         for room, own in sorted(seconds.items(), key=lambda item: -item[1]):
-            yield Measurement("profile", name, room, own, 1, f"{own / total:.0%} of {total:.1f} s", nothing, nothing)
+            yield Measurement(
+                bench="profile",
+                case=name,
+                tool=room,
+                seconds=own,
+                repeats=1,
+                verdict=f"{own / total:.0%} of {total:.1f} s",
+                kkt=nothing,
+                memory_mb=nothing,
+            )
 
 
 def shares(stats: pstats.Stats) -> dict[str, float]:

@@ -56,7 +56,16 @@ def statics(quick: bool = False, only: str | None = None) -> Iterator[Measuremen
         for name, solver in available().items():
             if name == "daqp" and size > DENSE_LIMIT:
                 verdict = f"not tried: {8 * size / 1e9:.1f} GB dense"
-                yield Measurement("statics", case.name, name, np.nan, 0, verdict, np.nan, np.nan)
+                yield Measurement(
+                    bench="statics",
+                    case=case.name,
+                    tool=name,
+                    seconds=np.nan,
+                    repeats=0,
+                    verdict=verdict,
+                    kkt=np.nan,
+                    memory_mb=np.nan,
+                )
                 continue
             tools[name] = functools.partial(_solved, solver, system, w)
         yield from side_by_side("statics", case.name, tools, limit_s=LIMIT_S, repeats=REPEATS)

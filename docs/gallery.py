@@ -170,16 +170,19 @@ def design_picture(stored: StoredDesign, path: Path) -> None:
     colours = part_colours(built, after.contacts)
     view = shared_view([source, built], 380.0)
     worst = sorted(before.cases, key=lambda c: -float(np.nan_to_num(c.result.infeasibility)))[:1]
-    left = Picture(source, before.contacts, colours, worst, names=False)
+    left = Picture(assembly=source, contacts=before.contacts, colours=colours, cases=worst, names=False)
     if built.dimension == 2:
-        right, title = Picture(built, after.contacts, colours, after.cases[:1], names=False), "cone joints"
+        right, title = (
+            Picture(assembly=built, contacts=after.contacts, colours=colours, cases=after.cases[:1], names=False),
+            "cone joints",
+        )
         drawn = [draw(left, view, "input"), draw(right, view, "result")]
     else:
         wide = shared_view([built], 380.0, APART)
         title = "cone joints, taken apart"
         drawn = [
             draw(left, view, "input"),
-            draw(Picture(built, after.contacts, colours, apart=APART), wide, "result"),
+            draw(Picture(assembly=built, contacts=after.contacts, colours=colours, apart=APART), wide, "result"),
         ]
         if abs(wide.width - view.width) + abs(wide.height - view.height) > 1:
             view = wide if wide.height > view.height else view
@@ -193,8 +196,15 @@ def flat_film(stored: StoredDesign, path: Path) -> None:
     contacts = find_contacts(source).contacts
     falling, moving = fall(source)
     shots = [
-        Shot(source, "flat contacts", ways, None if falling is None else False, falling, moving),
-        Shot(stored.assembly, "cone joints", ways, verify(stored.assembly).stands),
+        Shot(
+            assembly=source,
+            title="flat contacts",
+            ways=ways,
+            stands=None if falling is None else False,
+            falling=falling,
+            moving=moving,
+        ),
+        Shot(assembly=stored.assembly, title="cone joints", ways=ways, stands=verify(stored.assembly).stands),
     ]
     path.write_text(stand_alone(film(shots, part_colours(source, contacts))), encoding="utf-8")
 

@@ -28,7 +28,7 @@ class CaseResult:
     infeasibility_after: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
     """A designed assembly.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Tolerances:
     """Relative tolerances; lengths are multiples of the assembly's size (its bounding-box diagonal)."""
 

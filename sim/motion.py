@@ -25,7 +25,7 @@ LOOK = 20
 """Steps between two looks at what, once wrong, stays wrong."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Motion:
     """One run, sampled.
 
@@ -119,13 +119,13 @@ def run(
         if failure is not None or (stop is not None and stop(float(data.time), displacement, speed)):
             break
     return Motion(
-        compiled.parts,
-        read_only(times),
-        read_only(poses),
-        read_only(moved),
-        read_only(speeds),
-        step,
-        failure,
+        parts=compiled.parts,
+        times=read_only(times),
+        poses=read_only(poses),
+        displacement=read_only(moved),
+        speed=read_only(speeds),
+        steps=step,
+        failure=failure,
     )
 
 

@@ -14,7 +14,7 @@ STAGES = ("states", "tilt", "insertion", "robust")
 TILT_FRICTIONS = (0.0, 0.3)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Questions:
     """What to ask physics.
 

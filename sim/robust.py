@@ -24,7 +24,7 @@ from sim.stability import free_scene, stability
 from sim.trial_store import Row, Trial
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RobustOptions:
     """Distributions that a trial draws from; every draw is independent.
 
@@ -54,7 +54,7 @@ class RobustOptions:
             raise InputError(f"A confidence of {self.confidence} is not between 0 and 1.")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RobustReport:
     """Success over all trials.
 
@@ -154,4 +154,12 @@ def robust_report(rows: Sequence[Mapping[str, Any]], options: RobustOptions) -> 
     succeeded = sum(not row["failure"] for row in rows)
     low, high = wilson(succeeded, len(rows), options.confidence)
     failures = dict(Counter(row["kind"] for row in rows if row["failure"]))
-    return RobustReport(len(rows), succeeded, low, high, options.confidence, failures, options)
+    return RobustReport(
+        trials=len(rows),
+        succeeded=succeeded,
+        low=low,
+        high=high,
+        confidence=options.confidence,
+        failures=failures,
+        options=options,
+    )

@@ -35,7 +35,7 @@ class Hand:
     turning: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
     """Everything that decides a MuJoCo model.
 

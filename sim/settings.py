@@ -17,7 +17,7 @@ LARGE = 60
 """Free parts from which the step is doubled: verdicts stay the same and a dome takes half the time."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Settings:
     """How MuJoCo integrates and resolves contact.
 

@@ -73,8 +73,22 @@ def simulate(
     store = TrialStore() if store is None else store
     report = find_contacts(assembly)
     require_sound(assembly, report)
-    work = _Work(assembly, report.contacts, insertion or {}, questions, progress, store, executor, processes)
-    result = Simulation(assembly.name, f"mujoco {mujoco.__version__}", assembly.dimension, notes=_near_misses(report))
+    work = _Work(
+        assembly,
+        report.contacts,
+        insertion or {},
+        questions=questions,
+        progress=progress,
+        store=store,
+        executor=executor,
+        processes=processes,
+    )
+    result = Simulation(
+        name=assembly.name,
+        engine=f"mujoco {mujoco.__version__}",
+        dimension=assembly.dimension,
+        notes=_near_misses(report),
+    )
     seconds: dict[str, float] = {}
     for group in ((work.states,), (work.tilt, work.insertion), (work.robust,)):
         asked = [stage for stage in group if stage.__name__ in questions.stages]
@@ -108,6 +122,7 @@ class _Work:
         assembly: Assembly,
         contacts: Sequence[Contact],
         insertion: Mapping[str, Array],
+        *,
         questions: Questions,
         progress: Callable[[str, int, int], None] | None,
         store: TrialStore,

@@ -24,7 +24,7 @@ class ConeSummary:
     tried_rad: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Simulation:
     """What physics says, beside what statics says.
 

@@ -18,7 +18,7 @@ SHORTEST_FALL_S = 0.02
 """Of two falls, what is shorter counts as this long: runs are looked at no more often."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Limits:
     """When a part counts as moved, and a run as settled; lengths relative to the part's size.
 
@@ -68,7 +68,7 @@ class Verdict(StrEnum):
     """The run cannot be believed, or did not come to rest in time: no verdict."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class StabilityReport:
     """One run's verdict with its evidence.
 
@@ -115,7 +115,14 @@ def free_scene(
     there = np.ones(len(assembly.parts), dtype=np.bool_) if present is None else present
     fixed = assembly.fixed if held is None else held
     settings = settings_for(assembly, friction, int((there & ~fixed).sum()))
-    return Scene(assembly, model, there, fixed, assembly.gravity if gravity is None else gravity, settings)
+    return Scene(
+        assembly=assembly,
+        contact_model=model,
+        present=there,
+        held=fixed,
+        gravity=assembly.gravity if gravity is None else gravity,
+        settings=settings,
+    )
 
 
 def stability(scene: Scene, limits: Limits = LIMITS, doubted: bool = False) -> StabilityReport:
@@ -260,14 +267,14 @@ def report(assembly: Assembly, motion: Motion, timestep: float, limits: Limits =
     else:
         verdict, reason = Verdict.STANDS, f"at rest after {motion.times[-1]:.2f} s"
     return StabilityReport(
-        verdict,
-        reason,
-        moved,
-        float(peak.max(initial=0.0)),
-        float(share.max(initial=0.0)),
-        float(motion.speed[-1].max(initial=0.0)),
-        float(motion.times[-1]),
-        motion.steps,
-        timestep,
-        motion,
+        verdict=verdict,
+        reason=reason,
+        moved=moved,
+        max_displacement=float(peak.max(initial=0.0)),
+        max_share=float(share.max(initial=0.0)),
+        final_speed=float(motion.speed[-1].max(initial=0.0)),
+        duration=float(motion.times[-1]),
+        steps=motion.steps,
+        timestep=timestep,
+        motion=motion,
     )

@@ -19,7 +19,7 @@ from sim.shapes.contact_model import ContactModel
 from sim.stability import LIMITS, Limits, StabilityReport, Verdict, free_scene, judged
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StateResult:
     """The assembly just after a part was placed.
 
@@ -86,21 +86,21 @@ def state_result(
     placed = assembly.parts[int(np.flatnonzero(case.present).max())].name
     times, poses, names = _recorded(assembly, found)
     return StateResult(
-        placed,
-        str(found.verdict),
-        str(statics.result.status),
-        found.reason,
-        found.moved,
-        statics.moving,
-        found.max_displacement,
-        found.max_share,
-        found.final_speed,
-        found.duration,
-        found.steps,
-        times,
-        poses,
-        names,
-        why,
+        placed=placed,
+        verdict=str(found.verdict),
+        statics=str(statics.result.status),
+        reason=found.reason,
+        moved=found.moved,
+        statics_moved=statics.moving,
+        max_displacement=found.max_displacement,
+        max_share=found.max_share,
+        final_speed=found.final_speed,
+        duration=found.duration,
+        steps=found.steps,
+        times=times,
+        poses=poses,
+        parts=names,
+        cause=why,
     )
 
 

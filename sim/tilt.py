@@ -38,7 +38,7 @@ HELD_BELOW_RAD = float(np.deg2rad(0.25))
 TILT_AGREEMENT_RAD = {d: float(np.deg2rad(deg)) for d, deg in TILT_AGREEMENT_DEG.items()}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TiltReport:
     """The critical tilt towards one azimuth.
 
@@ -167,9 +167,25 @@ def physical_tilt(
     moved = sure[high].moved if high in sure else ()
     failed = tuple(a for a, found in sure.items() if found.verdict is Verdict.FAILED)
     if high >= np.pi / 2:
-        return TiltReport(azimuth_rad, np.pi / 2, guess, friction, moved, failed)
+        return TiltReport(
+            azimuth_rad=azimuth_rad,
+            critical_rad=np.pi / 2,
+            statics_rad=guess,
+            friction=friction,
+            moved=moved,
+            failed=failed,
+        )
     why = ""
     if early(high) and sure[high].verdict is Verdict.FELL:
         case = case_at(scene.assembly, high, azimuth_rad)
         why = cause(scene.assembly, contacts, case, scene_at(high), sure[high])
-    return TiltReport(azimuth_rad, 0.5 * (low + high), guess, friction, moved, failed, 0.5 * (high - low), why)
+    return TiltReport(
+        azimuth_rad=azimuth_rad,
+        critical_rad=0.5 * (low + high),
+        statics_rad=guess,
+        friction=friction,
+        moved=moved,
+        failed=failed,
+        within_rad=0.5 * (high - low),
+        cause=why,
+    )

@@ -133,17 +133,17 @@ def judged(joinery: Joinery) -> Variant:
     straight = insertion_verdicts(replace(assembly, alpha_rad=None), contacts, directions)
     leaving = leaving_parts(assembly, contacts)
     return Variant(
-        joinery.name,
-        assembly,
-        verification,
-        joinery.joints,
-        joinery.insertion,
-        None if physics.verdict is Verdict.FAILED else physics.stands,
-        tilt,
-        physical,
-        all(i.alpha_rad > -1e-9 and not i.collides for i in straight),
-        not leaving,
-        (*joinery.remarks, *_deadlock_remarks(assembly, verification, leaving)),
+        name=joinery.name,
+        assembly=assembly,
+        verification=verification,
+        joints=joinery.joints,
+        insertion=joinery.insertion,
+        physics_stands=None if physics.verdict is Verdict.FAILED else physics.stands,
+        tilt_rad=tilt,
+        physics_tilt_rad=physical,
+        goes_in=all(i.alpha_rad > -1e-9 and not i.collides for i in straight),
+        deadlocked=not leaving,
+        remarks=(*joinery.remarks, *_deadlock_remarks(assembly, verification, leaving)),
     )
 
 

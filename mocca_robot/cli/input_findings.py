@@ -21,7 +21,7 @@ from mocca_robot.statics.mobility import Mobility, mobility
 from mocca_robot.verdicts.verification import Verification, part_overlap
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Checkup:
     """An assembly as it is.
 
@@ -71,7 +71,17 @@ def checkup(config: Config, report: ContactReport, key: str | None, azimuths: in
     if anything.locked:
         findings.append(reasons.deadlock_finding(assembly))
     return Checkup(
-        assembly, report, friction, verification, states, angles, tilts, key, held, anything, tuple(findings)
+        assembly=assembly,
+        report=report,
+        friction=friction,
+        verification=verification,
+        states=states,
+        azimuths=angles,
+        tilts=tilts,
+        key=key,
+        key_mobility=held,
+        mobility=anything,
+        findings=tuple(findings),
     )
 
 

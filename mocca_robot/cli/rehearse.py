@@ -108,7 +108,15 @@ def _options(args: argparse.Namespace) -> Any:
         noise = float(shift) / 1e3, math.radians(float(turn or 0.0))
     except ValueError:
         raise InputError(f"--pose-noise is '{args.pose_noise}'; write millimetres, or millimetres,degrees.") from None
-    return Options(args.friction, args.pad_friction, *noise, args.seed, args.speed, args.parts)
+    return Options(
+        friction=args.friction,
+        pad_friction=args.pad_friction,
+        noise_m=noise[0],
+        noise_rad=noise[1],
+        seed=args.seed,
+        speed=args.speed,
+        parts=args.parts,
+    )
 
 
 class _Interruptible:

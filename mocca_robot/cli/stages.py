@@ -42,7 +42,7 @@ HOLDS = 1e-12
 """E/|w|² up to which the designer counts a load case as held."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Outcome:
     """A design with its verdicts; `design` holds the geometry as it was read back from the files.
 
@@ -261,12 +261,30 @@ def judged_as_is(config: Config, contacts: ContactReport, console: Console) -> O
     joints = tuple(planar(c) for c in contacts.contacts)
     ways = tuple(Insertion(part, way, 0.0) for part, way in config.insertion.items())
     with console.stage("verify"):
-        return _judged(Design(config.assembly, config.assembly, joints, ways, (), {}, config.notes))
+        return _judged(
+            Design(
+                source=config.assembly,
+                assembly=config.assembly,
+                joints=joints,
+                insertion=ways,
+                load_cases=(),
+                seconds={},
+                notes=config.notes,
+            )
+        )
 
 
 def _design_of(stored: StoredDesign) -> Design:
     source = stored.source or stored.assembly
-    return Design(source, stored.assembly, (), stored.insertion, stored.load_cases, dict(stored.seconds), stored.notes)
+    return Design(
+        source=source,
+        assembly=stored.assembly,
+        joints=(),
+        insertion=stored.insertion,
+        load_cases=stored.load_cases,
+        seconds=dict(stored.seconds),
+        notes=stored.notes,
+    )
 
 
 def _judged(design: Design) -> Outcome:
@@ -280,7 +298,7 @@ def _judged(design: Design) -> Outcome:
     # Whatever can be inserted last can also leave: only then is the question open.
     if after.insertions and not after.insertions[-1].assemblable and mobility(design.assembly, after.contacts).locked:
         findings.append(reasons.deadlock_finding(design.assembly))
-    return Outcome(design, before, after, states, tuple(findings))
+    return Outcome(design=design, before=before, after=after, states=states, findings=tuple(findings))
 
 
 def simulated(outcome: Outcome, questions: Questions, folder: Path, console: Console) -> tuple[Outcome, bool]:

@@ -107,7 +107,11 @@ def write_picture(path: Path, assembly: Assembly, contacts: tuple[Contact, ...])
     from mocca_robot.report.typeset import write_png
 
     view = shared_view([assembly], 600.0)
-    svg = stand_alone(draw(Picture(assembly, contacts, part_colours(assembly, contacts)), view, assembly.name))
+    svg = stand_alone(
+        draw(
+            Picture(assembly=assembly, contacts=contacts, colours=part_colours(assembly, contacts)), view, assembly.name
+        )
+    )
     if path.suffix.lower() == ".png":
         return write_png(svg, path)
     if path.suffix.lower() != ".svg":

@@ -44,7 +44,7 @@ class EffectiveValue:
     line: int | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Config:
     """Everything a run needs.
 

@@ -18,7 +18,7 @@ from mocca_robot.files.documents import existing_path, parse_json, read_text
 from mocca_robot.files.versions import ASSEMBLY, DESIGN
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Model:
     """Parts as they came, before a configuration adds what it knows.
 
@@ -76,7 +76,7 @@ def generated(data: Mapping[str, Any], folder: Path, scale: float, where: str) -
         assembly = generate(kind, parameters, folder)
     except (OSError, ArithmeticError, UnicodeError, TypeError, ValueError) as error:
         raise InputError(f"{where}: '{kind}' cannot be made from these parameters: {error}.") from None
-    return Model(scaled(assembly, scale), 1.0, "m", frozenset({"sequence", "fixed"}))
+    return Model(assembly=scaled(assembly, scale), unit_m=1.0, unit="m", given=frozenset({"sequence", "fixed"}))
 
 
 def scaled(assembly: Assembly, factor: float) -> Assembly:
@@ -100,7 +100,7 @@ def _from_drawing(path: Path, units: str | None, scale: float) -> Model:
     parts = tuple(Part(name, polygon) for name, polygon in drawing.parts)
     # Lengths in a configuration are real ones: a drawing that scales freely speaks millimetres.
     unit = drawing.unit if drawing.unit in fields.UNITS_M else "mm"
-    return Model(Assembly(path.stem, parts), fields.UNITS_M[unit], unit, notes=drawing.notes)
+    return Model(assembly=Assembly(path.stem, parts), unit_m=fields.UNITS_M[unit], unit=unit, notes=drawing.notes)
 
 
 def _from_json(path: Path, units: str | None, scale: float) -> Model:
@@ -115,11 +115,24 @@ def _from_json(path: Path, units: str | None, scale: float) -> Model:
         _require_same_unit(where, str(data["units"]), units)
         given = {"sequence", "gravity", "fixed", "alpha_deg"} | ({"goal"} if design.source else set())
         insertion = {i.part: i.direction for i in design.insertion}
-        return Model(scaled(design.assembly, scale), 1.0, "m", frozenset(given), insertion, design.notes)
+        return Model(
+            assembly=scaled(design.assembly, scale),
+            unit_m=1.0,
+            unit="m",
+            given=frozenset(given),
+            insertion=insertion,
+            notes=design.notes,
+        )
     if found == ASSEMBLY.name:
         file = assembly_json.read_assembly(path)
         _require_same_unit(where, file.unit, units)
-        return Model(scaled(file.assembly, scale), fields.UNITS_M[file.unit], file.unit, file.given, notes=file.notes)
+        return Model(
+            assembly=scaled(file.assembly, scale),
+            unit_m=fields.UNITS_M[file.unit],
+            unit=file.unit,
+            given=file.given,
+            notes=file.notes,
+        )
     if found is None:
         raise InputError(
             f'{where} has no "format"; an assembly begins with "format": "{ASSEMBLY.name}" (or, written by '
@@ -138,7 +151,9 @@ def _from_compas(content: object, path: Path, units: str | None, scale: float) -
     if units is None:
         notes = (*notes, f"{where}: COMPAS files carry no unit; read as metres ('units' says otherwise)")
     given = {"sequence"} | ({"fixed"} if any(p.fixed for p in assembly.parts) else set())
-    return Model(scaled(assembly, scale), fields.UNITS_M[unit], unit, frozenset(given), notes=notes)
+    return Model(
+        assembly=scaled(assembly, scale), unit_m=fields.UNITS_M[unit], unit=unit, given=frozenset(given), notes=notes
+    )
 
 
 def _require_same_unit(where: str, unit: str, declared: str | None) -> None:
@@ -159,4 +174,6 @@ def _from_meshes(path: Path, units: str | None, scale: float, any_size: bool) ->
     unit = units or "m"
     notes = tuple(f"part '{m.name}': {note}" for m in meshes for note in m.notes)
     model = scaled(Assembly(path.stem, parts), scale)
-    return Model(replace(model, parts=model.parts), fields.UNITS_M.get(unit, 1.0), unit, notes=notes)
+    return Model(
+        assembly=replace(model, parts=model.parts), unit_m=fields.UNITS_M.get(unit, 1.0), unit=unit, notes=notes
+    )

@@ -97,7 +97,7 @@ def _shared_facets(faces: FacetSet, gap: float) -> tuple[list[Found], BoolArray,
     return found, spent, partner
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Plane:
     """A facet as a 2D polygon in its own plane: x = origin + p₀ axes₀ + p₁ axes₁."""
 
@@ -117,7 +117,14 @@ class _Plane:
         origin = corners[0]
         flat = (corners - origin) @ axes.T
         cuts = np.cumsum([len(loop) for loop in loops])[:-1]
-        return cls(origin, axes, normal, _polygon(np.split(flat, cuts)), corners, flat)
+        return cls(
+            origin=origin,
+            axes=axes,
+            normal=normal,
+            polygon=_polygon(np.split(flat, cuts)),
+            corners=corners,
+            flat_corners=flat,
+        )
 
     def lifted(self, points: Array) -> Array:
         """Return (m, 2) points of the plane in space."""

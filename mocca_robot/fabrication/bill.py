@@ -16,7 +16,7 @@ _Kind = tuple[tuple[bool, float, int], Array]
 COLUMNS = ("item", "count", "numbers", "parts", "size_mm", "density_kg_m3", "volume_cm3", "mass_g", "fixed")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Item:
     """Equal parts.
 
@@ -59,13 +59,13 @@ def _item(assembly: Assembly, members: list[int]) -> Item:
     parts = [assembly.parts[k] for k in members]
     first = parts[0]
     return Item(
-        tuple(k + 1 for k in members),
-        tuple(p.name for p in parts),
-        size(first),
-        first.density,
-        first.shape.volume,
-        first.mass,
-        first.fixed,
+        numbers=tuple(k + 1 for k in members),
+        names=tuple(p.name for p in parts),
+        size_m=size(first),
+        density=first.density,
+        volume_m3=first.shape.volume,
+        mass_kg=first.mass,
+        fixed=first.fixed,
     )
 
 

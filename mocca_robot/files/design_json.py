@@ -51,7 +51,7 @@ class StoredJoint:
     parameters: Mapping[str, float]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class StoredDesign:
     """A design read back from its files.
 
@@ -174,18 +174,18 @@ def read_design(path: str | Path) -> StoredDesign:
         gravity,
     )
     return StoredDesign(
-        file,
-        assembly,
-        source,
-        insertion,
-        _joints(data.get("joints", []), dimension, assembly.sequence, f"{where}: joints"),
-        _cases(data.get("load_cases", []), f"{where}: load_cases"),
-        _texts(data.get("features", []), f"{where}: features"),
-        {
+        path=file,
+        assembly=assembly,
+        source=source,
+        insertion=insertion,
+        joints=_joints(data.get("joints", []), dimension, assembly.sequence, f"{where}: joints"),
+        load_cases=_cases(data.get("load_cases", []), f"{where}: load_cases"),
+        features=_texts(data.get("features", []), f"{where}: features"),
+        seconds={
             k: fields.number(v, f"{where}: seconds.{k}", 0.0)
             for k, v in fields.mapping(data.get("seconds", {}), f"{where}: seconds").items()
         },
-        tuple(notes),
+        notes=tuple(notes),
     )
 
 

@@ -18,7 +18,7 @@ MERGE_ANGLE_RAD = 2e-5
 tessellated bump of slope 0.1° still turns by 1e-4 from triangle to triangle and has to stay a bump."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class FacetSet:
     """All triangles of several meshes, and the facets that they form.
 
@@ -126,16 +126,16 @@ def facets(meshes: Sequence[Mesh], flatness: float) -> FacetSet:
     np.minimum.at(lower, facet, corners.min(axis=1))
     np.maximum.at(upper, facet, corners.max(axis=1))
     return FacetSet(
-        vertices,
-        triangles,
-        part,
-        facet,
-        normals,
-        _mean_normals(facet, area_vectors),
-        owner,
-        np.bincount(facet, minlength=n),
-        lower,
-        upper,
+        vertices=vertices,
+        triangles=triangles,
+        part=part,
+        facet=facet,
+        triangle_normals=normals,
+        normals=_mean_normals(facet, area_vectors),
+        facet_part=owner,
+        count=np.bincount(facet, minlength=n),
+        lower=lower,
+        upper=upper,
     )
 
 

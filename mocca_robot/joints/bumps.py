@@ -148,7 +148,7 @@ def bump_pattern(flank_segments: int = FLANK_SEGMENTS, kind: str = "n") -> BumpP
     return BumpPattern(read_only(xy), read_only(np.outer(n_f, f).ravel()), triangles, rim)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Bumps:
     """E tessellated patches.
 
@@ -240,7 +240,14 @@ def bump_rays(
     normals = np.cross(b - a, c - a)
     double_areas = np.linalg.norm(normals, axis=2)
     normals /= double_areas[..., None]
-    return Bumps(rectangles, parameters, pattern, vertices, normals, double_areas)
+    return Bumps(
+        rectangles=rectangles,
+        parameters=parameters,
+        pattern=pattern,
+        vertices=vertices,
+        facet_normals=normals,
+        _double_areas=double_areas,
+    )
 
 
 def lean_of(rectangles: Rectangles, u: Array) -> Array:

@@ -79,7 +79,7 @@ def _other_faces(assembly: Assembly, part: int, contact: Contact) -> Array:
     return np.asarray(corners[off > 2.0 * TOLERANCES.contact_gap * assembly.size])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Obstacles:
     """What n bumps keep away from, padded to the same number for each.
 
@@ -115,7 +115,16 @@ class _Obstacles:
         normals = np.cross(edges[:, :, 0], edges[:, :, 1])
         normals /= np.maximum(np.linalg.norm(normals, axis=2), 1e-300)[..., None]
         origin, axes = rectangles.origin[index], rectangles.axes[index]
-        return cls(corners, edges, normals, face, origin, axes, _sides(rectangles)[index], real)
+        return cls(
+            corners=corners,
+            edges=edges,
+            normals=normals,
+            face=face,
+            origin=origin,
+            axes=axes,
+            sides=_sides(rectangles)[index],
+            rectangle=real,
+        )
 
     def face_distance(self, points: Array) -> Array:
         """Return (n, S) the distance of points (n, S, 3) to the nearest triangle of their row."""

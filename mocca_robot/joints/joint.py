@@ -16,7 +16,7 @@ MANY, CROWDED = 5_000, 60
 """Rays in all, and on average per pair of parts, from which on finding the extreme ones pays for itself."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Joint:
     """J_ij^k: what stands in place of `contact`.
 
@@ -78,7 +78,7 @@ def planar(contact: Contact) -> Joint:
         from mocca_robot.contacts.surface import triangulated
 
         vertices, facets = triangulated(contact)
-    return Joint(contact, "planar", contact.normal, vertices, facets)
+    return Joint(contact=contact, kind="planar", direction=contact.normal, vertices=vertices, facets=facets)
 
 
 def contact_rays(contacts: Sequence[Contact]) -> tuple[IntArray, Array, Array]:

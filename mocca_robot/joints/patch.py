@@ -39,12 +39,12 @@ def joint_with_patch(
     _require_inside(contact, [flat[loop] for loop in loops], flat[around])
     remainder = triangulate_loops(flat, [*loops, around[::-1]])
     return Joint(
-        contact,
-        kind,
-        read_only(direction / np.linalg.norm(direction)),
-        read_only(vertices),
-        read_only(np.concatenate([remainder, facets + len(corners)]), np.int64),
-        dict(parameters),
+        contact=contact,
+        kind=kind,
+        direction=read_only(direction / np.linalg.norm(direction)),
+        vertices=read_only(vertices),
+        facets=read_only(np.concatenate([remainder, facets + len(corners)]), np.int64),
+        parameters=dict(parameters),
     )
 
 

@@ -77,7 +77,14 @@ def polyline_joint(contact: Contact, kind: str, direction: Array, points: Array,
     points = _simplified(np.concatenate([contact.polygon[:1], points[1:-1], contact.polygon[1:]]))
     index = np.arange(len(points))
     facets: IntArray = np.stack([index[:-1], index[1:]], axis=1)
-    return Joint(contact, kind, read_only(direction), read_only(points), facets, parameters)
+    return Joint(
+        contact=contact,
+        kind=kind,
+        direction=read_only(direction),
+        vertices=read_only(points),
+        facets=facets,
+        parameters=parameters,
+    )
 
 
 def _simplified(points: Array) -> Array:

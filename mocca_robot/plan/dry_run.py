@@ -11,7 +11,7 @@ from mocca_robot.plan.pose import Six, distance_m
 from mocca_robot.plan.safety import Finding, findings
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Row:
     """One waypoint as it would be commanded; `alternative` is None on the move's own path."""
 
@@ -128,18 +128,18 @@ def _rows(
         speed = distance_m(point.tcp, before.tcp) / duration if duration > 0 else 0.0
         out.append(
             Row(
-                step,
-                part,
-                move,
-                str(what.kind),
-                alternative,
-                w,
-                point.t,
-                point.q,
-                point.tcp,
-                speed,
-                what.force_limit_n,
-                what.gripper_m,
+                step=step,
+                part=part,
+                move=move,
+                kind=str(what.kind),
+                alternative=alternative,
+                waypoint=w,
+                t_s=point.t,
+                q=point.q,
+                tcp=point.tcp,
+                speed_m_s=speed,
+                force_limit_n=what.force_limit_n,
+                gripper_m=what.gripper_m,
             )
         )
     return out

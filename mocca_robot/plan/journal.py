@@ -101,7 +101,7 @@ class Journal:
         self.close()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Record:
     """What a journal says.
 

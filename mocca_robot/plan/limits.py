@@ -14,7 +14,7 @@ from types import MappingProxyType
 from mocca_robot.errors import InputError, nearest
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Limits:
     """Caps of one cell. SI units; a plan or configuration can lower each, never raise it above `HARD_CAPS`."""
 

@@ -52,7 +52,7 @@ class Waypoint:
     tcp: Six
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Move:
     """One motion.
 
@@ -73,7 +73,7 @@ class Move:
     alternatives: tuple[tuple[Waypoint, ...], ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Grasp:
     """How a part is held.
 
@@ -105,7 +105,7 @@ class Step:
     alpha_rad: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Cell:
     """What stands around the arm, as far as execution needs to know.
 
@@ -135,7 +135,7 @@ class Cell:
     description: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plan:
     """A whole build.
 

@@ -24,7 +24,7 @@ INSTANTS = 14
 GAP, HEAD = 24.0, 30.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Shot:
     """One assembly of the film.
 

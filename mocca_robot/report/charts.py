@@ -91,7 +91,7 @@ def fitted_exponent(x: Sequence[float], y: Sequence[float]) -> tuple[float, floa
     return float(slope), float(np.exp(offset))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Scale:
     """Values → pixels, with the places of its ticks."""
 
@@ -106,7 +106,9 @@ class _Scale:
     def of(cls, values: Array, axis: Axis, start: float, end: float) -> _Scale:
         if axis.categories:
             count = len(axis.categories)
-            return cls(-0.5, count - 0.5, start, end, False, tuple(float(k) for k in range(count)))
+            return cls(
+                low=-0.5, high=count - 0.5, start=start, end=end, log=False, ticks=tuple(float(k) for k in range(count))
+            )
         low, high = float(values.min()), float(values.max())
         if axis.log:
             bottom, top = math.floor(math.log10(low) + 1e-9), math.ceil(math.log10(high) - 1e-9)
@@ -114,7 +116,9 @@ class _Scale:
                 top += 1
             every = max(1, math.ceil((top - bottom) / 7))
             powers = range(bottom, top + 1, every)
-            return cls(10.0**bottom, 10.0**top, start, end, True, tuple(10.0**p for p in powers))
+            return cls(
+                low=10.0**bottom, high=10.0**top, start=start, end=end, log=True, ticks=tuple(10.0**p for p in powers)
+            )
         if high - low < 1e-12 * max(abs(high), abs(low), 1e-300):
             low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
         raw = (high - low) / 5
@@ -122,7 +126,7 @@ class _Scale:
         step = next(m * base for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * base >= raw * (1 - 1e-9))
         first, last = math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9)
         ticks = tuple(k * step for k in range(first, last + 1))
-        return cls(ticks[0], ticks[-1], start, end, False, ticks)
+        return cls(low=ticks[0], high=ticks[-1], start=start, end=end, log=False, ticks=ticks)
 
     def at(self, values: Array) -> Array:
         """Return pixels."""

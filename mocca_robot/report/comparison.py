@@ -20,7 +20,7 @@ from mocca_robot.report.summary import case_words
 from mocca_robot.verdicts.verification import Verification
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Variant:
     """One way to join the same parts.
 
@@ -75,10 +75,18 @@ def _panels(variants: Sequence[Variant]) -> str:
         fallen = [c for c in checked.cases if not c.result.stands]
         shown = (fallen or list(checked.cases))[:1]
         joints, insertion = (variant.joints, variant.insertion) if flat else ((), ())
-        picture = Picture(variant.assembly, checked.contacts, colours, shown, joints, insertion, names=False)
+        picture = Picture(
+            assembly=variant.assembly,
+            contacts=checked.contacts,
+            colours=colours,
+            cases=shown,
+            joints=joints,
+            insertions=insertion,
+            names=False,
+        )
         drawn = pictures.draw(picture, view, f"{variant.assembly.name}, {variant.name}")
         if not flat:
-            opened = Picture(variant.assembly, checked.contacts, colours, apart=APART)
+            opened = Picture(assembly=variant.assembly, contacts=checked.contacts, colours=colours, apart=APART)
             drawn += pictures.draw(opened, wide, f"{variant.assembly.name}, {variant.name}, taken apart")
         remarks = "".join(f"<p>{esc(r)}</p>" for r in variant.remarks)
         caption = f"<b>{esc(variant.name)}</b> {_stands(variant)}{remarks}"

@@ -30,7 +30,7 @@ class Tilt:
     friction: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ReportData:
     """What a report is made from.
 
@@ -83,15 +83,15 @@ def collect(
     if tilts is None:
         tilts = statics_tilts(design, before.contacts, after.contacts, azimuths, friction)
     return ReportData(
-        design,
-        before,
-        after,
-        tuple(states),
-        tuple(tilts),
-        simulation,
-        dict(parameters or {}),
-        dict(versions) if versions is not None else installed_versions(),
-        tuple(warnings),
+        design=design,
+        before=before,
+        after=after,
+        states=tuple(states),
+        tilts=tuple(tilts),
+        simulation=simulation,
+        parameters=dict(parameters or {}),
+        versions=dict(versions) if versions is not None else installed_versions(),
+        warnings=tuple(warnings),
     )
 
 

@@ -25,8 +25,17 @@ def design_figure(data: ReportData) -> str:
     colours = part_colours(built, data.after.contacts)
     view = pictures.shared_view([source, built], 420.0)
     joints = data.design.joints if built.dimension == 2 else ()
-    left = Picture(source, data.before.contacts, colours, data.before.cases[:1], names=False)
-    right = Picture(built, data.after.contacts, colours, data.after.cases[:1], joints, names=False)
+    left = Picture(
+        assembly=source, contacts=data.before.contacts, colours=colours, cases=data.before.cases[:1], names=False
+    )
+    right = Picture(
+        assembly=built,
+        contacts=data.after.contacts,
+        colours=colours,
+        cases=data.after.cases[:1],
+        joints=joints,
+        names=False,
+    )
     drawn = [pictures.draw(left, view, "input"), pictures.draw(right, view, "result")]
     return beside(drawn, ["input", "result"], view.width, view.height, built.name)
 
@@ -37,7 +46,7 @@ def collapse_figure(data: ReportData) -> str:
     view = pictures.shared_view([source], 420.0)
     cases = sorted(data.before.cases, key=lambda c: -float(np.nan_to_num(c.result.infeasibility)))[:1]
     colours = part_colours(source, data.before.contacts)
-    picture = Picture(source, data.before.contacts, colours, cases)
+    picture = Picture(assembly=source, contacts=data.before.contacts, colours=colours, cases=cases)
     return stand_alone(pictures.draw(picture, view, f"{source.name}: collapse motion"))
 
 
@@ -46,7 +55,9 @@ def cones_figure(data: ReportData) -> str:
     built = data.design.assembly
     view = pictures.shared_view([built], 420.0)
     colours = part_colours(built, data.after.contacts)
-    picture = Picture(built, data.after.contacts, colours, insertions=data.design.insertion, names=False)
+    picture = Picture(
+        assembly=built, contacts=data.after.contacts, colours=colours, insertions=data.design.insertion, names=False
+    )
     return stand_alone(pictures.draw(picture, view, f"{built.name}: motion cones"))
 
 
@@ -55,7 +66,7 @@ def film_figure(data: ReportData) -> str:
     built = data.design.assembly
     ways = {i.part: i.direction for i in data.design.insertion}
     stands = all(c.result.stands for c in data.after.cases if c.case.gravity is not None)
-    shot = Shot(built, built.name, ways, stands)
+    shot = Shot(assembly=built, title=built.name, ways=ways, stands=stands)
     return stand_alone(film([shot], part_colours(built, data.after.contacts), 420.0))
 
 

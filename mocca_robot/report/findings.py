@@ -16,7 +16,7 @@ from mocca_robot.statics.cases import CaseVerdict
 from mocca_robot.tolerances import TILT_AGREEMENT_DEG, tilts_apart
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class State:
     """One state of the sequence: the assembly just after `part` was placed.
 
@@ -56,7 +56,16 @@ def states(data: ReportData) -> tuple[State, ...]:
         moving = tuple(n for n in assembly.sequence if n in names)
         finished = k == len(assembly.parts) - 1 and not keyed
         falls = statics is False or stable is False
-        found.append(State(part.name, statics, stable, moving, verdict, falls and not asked and not finished))
+        found.append(
+            State(
+                part=part.name,
+                statics=statics,
+                physics=stable,
+                moving=moving,
+                verdict=verdict,
+                needs_support=falls and not asked and not finished,
+            )
+        )
     return tuple(found)
 
 

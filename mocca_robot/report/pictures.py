@@ -27,7 +27,7 @@ PAGE_DEFS = (
 )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Picture:
     """What a panel draws.
 

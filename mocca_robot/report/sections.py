@@ -33,15 +33,19 @@ def side_by_side(data: ReportData) -> str:
     flat = built.dimension == 2
     colours = part_colours(built, data.after.contacts)
     view = pictures.shared_view([source, built])
-    before = Picture(source, data.before.contacts, colours, data.before.cases)
+    before = Picture(assembly=source, contacts=data.before.contacts, colours=colours, cases=data.before.cases)
     joints = data.design.joints if flat else ()
-    after = Picture(built, data.after.contacts, colours, data.after.cases, joints)
+    after = Picture(
+        assembly=built, contacts=data.after.contacts, colours=colours, cases=data.after.cases, joints=joints
+    )
     panels = [
         _panel(pictures.draw(before, view, f"{source.name} as handed in"), "Input", data.before.cases, flat),
         _panel(pictures.draw(after, view, f"{built.name} with joints"), "Result", data.after.cases, flat),
     ]
     if flat and data.design.insertion:
-        cones = Picture(built, data.after.contacts, colours, insertions=data.design.insertion, names=False)
+        cones = Picture(
+            assembly=built, contacts=data.after.contacts, colours=colours, insertions=data.design.insertion, names=False
+        )
         words = (
             "<b>Ways in.</b> Pale wedge: every direction in which the part could leave what was placed before it "
             "(its motion cone). Blue wedge: the cone asked for. Arrow: how the part goes in."
@@ -50,7 +54,7 @@ def side_by_side(data: ReportData) -> str:
         panels.append(f"<figure>{drawn}<figcaption>{words}</figcaption></figure>")
     if not flat:
         wide = pictures.shared_view([built], apart=APART)
-        opened = Picture(built, data.after.contacts, colours, apart=APART)
+        opened = Picture(assembly=built, contacts=data.after.contacts, colours=colours, apart=APART)
         words = f"<b>Taken apart.</b> Every part moved away from the middle, by {APART:.0%} of its distance."
         drawn = pictures.draw(opened, wide, f"{built.name}, taken apart")
         panels.append(f"<figure>{drawn}<figcaption>{words}</figcaption></figure>")

@@ -15,7 +15,7 @@ class DashboardLost(Exception):
     """The dashboard did not answer; what the robot does is unknown."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Identity:
     """Which robot answers, and in which state it is."""
 

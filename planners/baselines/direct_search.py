@@ -135,7 +135,9 @@ def planar_problem(
     loads = Loads.of(assembly, found, required)
     turning = np.full(len(assembly.parts), assembly.dimension == 2 and assembly.alpha_rad is not None)
     pairs = np.array([c.parts for c in found])
-    problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad, turning)
+    problem = Problem(
+        shapes=shapes, loads=loads, required=len(required), pairs=pairs, alpha_rad=assembly.alpha_rad, turning=turning
+    )
     lean = np.zeros((len(shapes.pair_normal), shapes.n_lean))
     return problem, Parameters(np.tile(shapes.rest, (len(found), 1)), lean, axis, shapes.can_curve)
 

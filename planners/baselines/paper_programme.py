@@ -32,7 +32,7 @@ INSIDE = 0.2
 ROUNDS = 4
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class PaperDesign:
     """What the two-stage programme leaves.
 
@@ -93,4 +93,12 @@ def paper_design(
             break
         cones = replace(cones, slopes=np.maximum(cones.slopes, INSIDE))
         bounds = np.where((missed > REACHED)[:, None], reached(problem, parameters, cones), bounds)
-    return PaperDesign(cones, result.joints, result.infeasibility, result.violation, missed, turn, evaluations)
+    return PaperDesign(
+        cones=cones,
+        joints=result.joints,
+        infeasibility=result.infeasibility,
+        violation=result.violation,
+        missed=missed,
+        rounds=turn,
+        evaluations=evaluations,
+    )

@@ -27,7 +27,7 @@ HEAVY_CASES = 6
 """Required wrenches that a joint is fitted to: its largest ones; the rest are smaller versions of them."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Entry:
     """One shape of the catalogue on every joint: its rays (E, R, d) and where it is allowed (E,)."""
 
@@ -56,7 +56,7 @@ def entries(problem: Problem, axis: Array, leans: Array | None = None) -> list[_
             good = shapes.can_curve & (steepest >= np.cos(options.max_slope_rad))
             good &= (family.violations(surface, rows) <= 0.0).all(axis=1)
             good &= assemblable(problem, axis, normals, outer)
-            found.append(_Entry(kind, row, lean, points, normals, good))
+            found.append(_Entry(kind=kind, row=row, lean=lean, points=points, normals=normals, allowed=good))
     return found
 
 

@@ -14,7 +14,7 @@ from mocca_robot.geometry.frames import tangents
 from mocca_robot.joints.options import JointOptions
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Clearance2D:
     """Boundary edges that each joint must keep away from.
 
@@ -86,7 +86,15 @@ def clearance_2d(assembly: Assembly, contacts: Sequence[Contact], options: Joint
     origin = np.array([c.polygon[0] for c in contacts])
     # The line through both ends, not the contact's own normal: drawings are exact to about six digits only.
     t = (np.array([c.polygon[1] for c in contacts]) - origin) / lengths[:, None]
-    return Clearance2D(start, end, is_contact, margin, origin, np.stack([t[:, 1], -t[:, 0]], axis=1), lengths)
+    return Clearance2D(
+        start=start,
+        end=end,
+        is_contact=is_contact,
+        margin=margin,
+        origin=origin,
+        normal=np.stack([t[:, 1], -t[:, 0]], axis=1),
+        length=lengths,
+    )
 
 
 def _distance_to_segments(point: Array, start: Array, end: Array) -> Array:

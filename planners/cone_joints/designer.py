@@ -42,7 +42,7 @@ class NarrowPart:
     blockers: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Designed:
     """The outcome of a design run.
 
@@ -114,7 +114,9 @@ def design(
     # In 3D a way out is a sweep-confirmed find among parts further away: joints are made for it, it stays.
     turning = ~given & (assembly.dimension == 2 and assembly.alpha_rad is not None)
     pairs = np.array([c.parts for c in found])
-    problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad, turning)
+    problem = Problem(
+        shapes=shapes, loads=loads, required=len(required), pairs=pairs, alpha_rad=assembly.alpha_rad, turning=turning
+    )
     start = _planar_start(shapes, axis)
     before = evaluate(problem, start)
     narrow = _narrow_parts(assembly, motions, axis, given)
@@ -139,17 +141,25 @@ def design(
     held = bool(polished.infeasibility[: len(required)].max(initial=0.0) <= 1e-12)
     seconds = {"kinematic": kinematic, "realization": realization, "total": time.perf_counter() - started}
     notes = _notes(assembly, shapes, report)
-    finished = Design(assembly, result[0], result[1], result[2], result[3], seconds, notes)
+    finished = Design(
+        source=assembly,
+        assembly=result[0],
+        joints=result[1],
+        insertion=result[2],
+        load_cases=result[3],
+        seconds=seconds,
+        notes=notes,
+    )
     return Designed(
-        finished,
-        held and not narrow and polished.violation <= 1e-6,
-        impossible,
-        narrow,
-        options.tilt_margin_rad if polished.infeasibility.max(initial=0.0) <= 1e-9 else 0.0,
-        polished.evaluations,
-        None if searched is None else searched.interrupted,
-        searched,
-        required,
+        design=finished,
+        achieved=held and not narrow and polished.violation <= 1e-6,
+        impossible=impossible,
+        narrow=narrow,
+        margin_rad=options.tilt_margin_rad if polished.infeasibility.max(initial=0.0) <= 1e-9 else 0.0,
+        evaluations=polished.evaluations,
+        interrupted=None if searched is None else searched.interrupted,
+        searched=searched,
+        cases=required,
     )
 
 

@@ -24,7 +24,7 @@ from mocca_robot.statics.solution import solve_system
 from mocca_robot.statics.solver.system import ContactSystem
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Loads:
     """The load cases of a design as arrays, and how they change when joints move mass between parts.
 
@@ -59,14 +59,14 @@ class Loads:
         present = np.array([c.present for c in cases])
         thickness = np.array([getattr(p.shape, "thickness", 1.0) * p.density for p in assembly.parts])
         return cls(
-            np.array([np.zeros(d) if c.gravity is None else c.gravity for c in cases]),
-            raw / unit,
-            np.array([c.free for c in cases], dtype=np.bool_),
-            np.asarray(present[:, pairs].all(axis=2)),
-            about,
-            length,
-            unit,
-            thickness / unit,
+            gravity=np.array([np.zeros(d) if c.gravity is None else c.gravity for c in cases]),
+            wrenches=raw / unit,
+            free=np.array([c.free for c in cases], dtype=np.bool_),
+            active=np.asarray(present[:, pairs].all(axis=2)),
+            about=about,
+            length=length,
+            unit=unit,
+            weight_per_volume=thickness / unit,
         )
 
     @cached_property

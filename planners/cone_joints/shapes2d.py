@@ -21,7 +21,7 @@ from mocca_robot.joints.spline import SplineKind, polyline_joint, smallest_radiu
 from planners.cone_joints.clearance2d import Clearance2D, clearance_2d
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Shapes2D:
     """The joints of a flat assembly, evaluated together.
 
@@ -62,7 +62,15 @@ class Shapes2D:
         pair = np.array([index[c.parts] for c in contacts])
         clearance = clearance_2d(assembly, contacts, options)
         kinds: tuple[SplineKind, ...] = tuple(cls.rest_kind for _ in contacts)
-        return cls(assembly, tuple(contacts), kinds, pair, read_only(normals), options, clearance)
+        return cls(
+            assembly=assembly,
+            contacts=tuple(contacts),
+            kinds=kinds,
+            pair=pair,
+            pair_normal=read_only(normals),
+            options=options,
+            clearance=clearance,
+        )
 
     @property
     def rest(self) -> Array:

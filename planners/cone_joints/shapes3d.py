@@ -42,7 +42,7 @@ LEAN_IN_REACH = 0.2
 """Further lean of u (as |u' − u|, 11°) for which the reach of bumps is computed."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Shapes3D:
     """The joints of a solid assembly, evaluated together.
 
@@ -106,16 +106,16 @@ class Shapes3D:
         most = max(len(c.polygon) for c in contacts)
         corners = np.array([c.polygon[np.minimum(np.arange(most), len(c.polygon) - 1)] for c in contacts])
         return cls(
-            assembly,
-            tuple(contacts),
-            pair,
-            read_only(normals),
-            rectangles,
-            single,
-            read_only(can_curve, np.bool_),
-            read_only(reach),
-            read_only(corners),
-            options,
+            assembly=assembly,
+            contacts=tuple(contacts),
+            pair=pair,
+            pair_normal=read_only(normals),
+            rectangles=rectangles,
+            single=single,
+            can_curve=read_only(can_curve, np.bool_),
+            reach=read_only(reach),
+            corners=read_only(corners),
+            options=options,
         )
 
     @property

@@ -38,7 +38,7 @@ class Parameters:
         return Parameters(shape, lean, self.axis, self.curved)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Problem:
     """What the descent needs to know besides the parameters.
 
@@ -59,7 +59,7 @@ class Problem:
     turning: BoolArray
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Layout:
     """The unknowns in a row: shapes of curved joints, leans of their pairs, tangential moves of part axes."""
 
@@ -82,7 +82,15 @@ class Layout:
         across = tangents(axis)
         s, lean, t = parameters.shape.shape[1], parameters.lean.shape[1], across.shape[1]
         sizes = (len(joints) * s, len(pairs) * lean, len(parts) * t)
-        return cls(joints, pairs, parts, across, problem.shapes.bounds(), sizes, problem.shapes.steepest_lean)
+        return cls(
+            joints=joints,
+            pairs=pairs,
+            parts=parts,
+            tangents=across,
+            bounds=problem.shapes.bounds(),
+            sizes=sizes,
+            steepest_lean=problem.shapes.steepest_lean,
+        )
 
     def moved(self, start: Parameters, step: Array) -> Parameters:
         """Return `start` moved by `step`, shapes and leans kept within their bounds."""

@@ -17,7 +17,7 @@ State = frozenset[int]
 """The free parts that are there, by their numbers."""
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Exits:
     """Ways out of parts, remembered: which parts a direction meets does not depend on the state."""
 

@@ -63,7 +63,7 @@ class Obstacle:
     blockers: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SequenceResult:
     """An order, or why there is none.
 
@@ -128,7 +128,7 @@ def find_sequence(
         raise InputError(f"holders is {holders}; give 0 or more.")
     if contacts is None:
         contacts = find_contacts(assembly).contacts
-    exits = Exits(assembly, contacts, directions or (36 if assembly.dimension == 2 else 120))
+    exits = Exits(assembly=assembly, contacts=contacts, count=directions or (36 if assembly.dimension == 2 else 120))
     statics = HeldParts(assembly, contacts, friction)
     locked = _deadlocked(exits)
     if locked:
@@ -137,7 +137,7 @@ def find_sequence(
             Obstacle(names[p], tuple(names[b] for b in exits.blockers(p, locked))) for p in sorted(locked)
         )
         return SequenceResult(
-            SequenceStatus.DEADLOCKED, obstacles=obstacles, remaining=tuple(o.part for o in obstacles)
+            status=SequenceStatus.DEADLOCKED, obstacles=obstacles, remaining=tuple(o.part for o in obstacles)
         )
     return _search(assembly, exits, statics, holders, states)
 
@@ -238,12 +238,12 @@ def _found(
     names: Sequence[str], exits: Exits, statics: HeldParts, removed: tuple[int, ...], *, fewest: bool
 ) -> SequenceResult:
     placements = _placements(names, exits, statics, removed[::-1])
-    return SequenceResult(SequenceStatus.FOUND, placements, states=len(statics.known), fewest=fewest)
+    return SequenceResult(status=SequenceStatus.FOUND, placements=placements, states=len(statics.known), fewest=fewest)
 
 
 def _stopped(status: SequenceStatus, names: Sequence[str], statics: HeldParts, stuck: State) -> SequenceResult:
     return SequenceResult(
-        status,
+        status=status,
         remaining=_names(names, stuck),
         falling=_names(names, statics.held(stuck)),
         states=len(statics.known),

@@ -73,9 +73,9 @@ def build_plan(
     where = site(design.assembly, cell)
     fallen = falls(design.assembly, friction, supports)
     if fallen:
-        return BuildPlan(None, (), fallen, cell, where, tray_layout(where, cell))
+        return BuildPlan(plan=None, reports=(), falls=fallen, cell=cell, site=where, tray=tray_layout(where, cell))
     insertions = {i.part: i for i in design.insertion}
-    search = _Search(insertions, seed)
+    search = _Search(insertions=insertions, seed=seed)
     bench, turns = _structure_side(where, cell, search, progress)
     tray = tray_layout(bench.site, cell, turns)
     cell = with_layout(bench.cell, bench.site, tray)
@@ -87,21 +87,21 @@ def build_plan(
         before = names[: _first_missing(reports)] if partial else []
         steps = [s for s in steps if s.part in before]
         if not steps:
-            return BuildPlan(None, reports, (), cell, bench.site, tray)
+            return BuildPlan(plan=None, reports=reports, falls=(), cell=cell, site=bench.site, tray=tray)
     for name in names[len(steps) :]:
         bench.scene.place(name, bench.waiting(name))
     steps[-1] = _homeward(bench, steps[-1], seed)
     plan = Plan(
-        design_sha256,
-        cell.model.name,
-        cell.gripper.name,
-        cell.execution,
-        tuple(steps),
+        design_sha256=design_sha256,
+        robot=cell.model.name,
+        gripper=cell.gripper.name,
+        cell=cell.execution,
+        steps=tuple(steps),
         design=design_path,
         supports=supports,
         cradles=cradles,
     )
-    return BuildPlan(plan, reports, (), cell, bench.site, tray)
+    return BuildPlan(plan=plan, reports=reports, falls=(), cell=cell, site=bench.site, tray=tray)
 
 
 def _declared(by_cell: tuple[str, ...], besides: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
@@ -112,7 +112,7 @@ def _first_missing(reports: Sequence[PartReport]) -> int:
     return next((k for k, r in enumerate(reports) if not r.placed), len(reports))
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Search:
     """What is known so far, by part name."""
 
@@ -184,7 +184,7 @@ def _steps(bench: Bench, search: _Search, progress: Progress) -> list[Step]:
         if body.fixed:
             continue
         started = time.perf_counter()
-        attempt = _Attempt(bench, index, search, at)
+        attempt = _Attempt(bench=bench, index=index, search=search, at=at)
         step = attempt.step()
         search.spent(body.name, started)
         search.reports[body.name] = attempt.report(search.seconds[body.name])
@@ -196,7 +196,7 @@ def _steps(bench: Bench, search: _Search, progress: Progress) -> list[Step]:
     return steps
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Attempt:
     """The search for one part's step; the arm starts at `at`."""
 
@@ -272,15 +272,15 @@ class _Attempt:
         seen = [r for r in self.reasons if not r.startswith("no grasp")]
         far = not self.placed and bool(seen) and all(r == "seat: out of the arm's reach" for r in seen)
         return PartReport(
-            name,
-            self.placed,
-            seconds,
-            self.attempts,
-            summary(self.reasons),
-            self.width_m,
-            max(0.0, insertion.alpha_rad) if insertion else 0.0,
-            self.usable_rad,
-            far,
+            part=name,
+            placed=self.placed,
+            seconds=seconds,
+            attempts=self.attempts,
+            reasons=summary(self.reasons),
+            grasp_width_m=self.width_m,
+            cone_rad=max(0.0, insertion.alpha_rad) if insertion else 0.0,
+            usable_rad=self.usable_rad,
+            out_of_reach=far,
         )
 
 
@@ -295,5 +295,11 @@ def _homeward(bench: Bench, step: Step, seed: int) -> Step:
         return step
     limits = bench.cell.limits
     force = min(FORCE_N, limits.abort_force_n)
-    move = Move(MoveKind.TRANSIT, joint_motion(bench.cell, way), limits.transfer_speed_m_s, force, opening)
+    move = Move(
+        kind=MoveKind.TRANSIT,
+        path=joint_motion(bench.cell, way),
+        speed_m_s=limits.transfer_speed_m_s,
+        force_limit_n=force,
+        gripper_m=opening,
+    )
     return replace(step, moves=(*step.moves, move))

@@ -11,7 +11,7 @@ from planners.robot.site import Site
 from planners.robot.tray import Tray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PartReport:
     """How planning one part went.
 
@@ -36,7 +36,7 @@ class PartReport:
     out_of_reach: bool = False
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BuildPlan:
     """A plan, or why there is none.
 

@@ -33,7 +33,7 @@ class TrayPlace:
     turn_rad: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class RobotCell:
     """A cell; all lengths in metres, in the robot's base frame.
 

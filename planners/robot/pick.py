@@ -20,7 +20,7 @@ UPRIGHT_RAD = np.deg2rad(25.0)
 """A tool that leans less from straight down needs no turned part in the tray."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Pick:
     """One way to take a part: the flange's pose and joints at the part, the way to it and the lift."""
 
@@ -89,4 +89,4 @@ def picks(bench: Bench, name: str, seat: Seat, reasons: dict[str, int]) -> Itera
         if reason:
             count(reasons, f"lift: {reason}")
             continue
-        yield Pick(flange, q, above, q_above, lift, q_lifted)
+        yield Pick(flange=flange, q=q, above_m=above, q_above=q_above, lift=lift, q_lifted=q_lifted)

@@ -22,7 +22,7 @@ LOOKED_AT = 1500
 """Grasps times arm branches that are looked at for one part."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Seat:
     """One way to put a part in: flange pose and joints there, where the way in begins, and how the tool leaves."""
 
@@ -107,7 +107,7 @@ def _seated(
         q_before, reason = _way_in(bench, name, flange, q, distance * direction, closed)
         if not reason:
             shortest = distance
-            yield Seat(grasp, flange, q, distance, q_before, retreat)
+            yield Seat(grasp=grasp, flange=flange, q=q, standoff_m=distance, q_before=q_before, retreat=retreat)
             break
     else:
         count(reasons, f"insertion: {reason}")
@@ -117,7 +117,7 @@ def _seated(
             return
         q_before, reason = _way_in(bench, name, flange, q, distance * direction, closed)
         if not reason:
-            yield Seat(grasp, flange, q, distance, q_before, retreat)
+            yield Seat(grasp=grasp, flange=flange, q=q, standoff_m=distance, q_before=q_before, retreat=retreat)
             return
 
 

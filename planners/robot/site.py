@@ -16,7 +16,7 @@ STANDS_M = 2e-3
 """A part whose lowest point is no higher than this above the plinth stands on it."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Body:
     """A part where it belongs, in the base frame.
 
@@ -122,13 +122,13 @@ def _standing(scaled: Assembly, cell: RobotCell) -> tuple[Array, Array]:
 def _body(name: str, pieces: Sequence[Array], centroid: Array, mass_kg: float, fixed: bool) -> Body:
     corners = np.concatenate(pieces)
     return Body(
-        name,
-        tuple(read_only(p) for p in pieces),
-        read_only(centroid),
-        mass_kg,
-        fixed,
-        read_only(corners.min(axis=0)),
-        read_only(corners.max(axis=0)),
+        name=name,
+        pieces=tuple(read_only(p) for p in pieces),
+        centroid=read_only(centroid),
+        mass_kg=mass_kg,
+        fixed=fixed,
+        low=read_only(corners.min(axis=0)),
+        high=read_only(corners.max(axis=0)),
     )
 
 

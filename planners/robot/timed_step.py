@@ -82,24 +82,37 @@ def timed_step(
     rest = Waypoint(0.0, insert[-1].q, insert[-1].tcp)
     force = min(FORCE_N, limits.abort_force_n)
     moves = (
-        Move(MoveKind.TRANSIT, joint_motion(cell, to_tray), fast, force, opened),
-        Move(MoveKind.APPROACH, approach, slow, force, opened),
-        Move(MoveKind.PICK, taken, slow, force, closed),
-        Move(MoveKind.LIFT, lift, slow, force, closed),
-        Move(MoveKind.TRANSIT, across, fast, force, closed),
-        Move(MoveKind.APPROACH, inward, slow, force, closed),
-        Move(MoveKind.INSERT, insert, limits.insert_speed_m_s, force, closed, alternatives),
-        Move(MoveKind.RELEASE, (rest,), slow, force, opened),
-        Move(MoveKind.RETREAT, retreat, slow, force, opened),
+        Move(
+            kind=MoveKind.TRANSIT,
+            path=joint_motion(cell, to_tray),
+            speed_m_s=fast,
+            force_limit_n=force,
+            gripper_m=opened,
+        ),
+        Move(kind=MoveKind.APPROACH, path=approach, speed_m_s=slow, force_limit_n=force, gripper_m=opened),
+        Move(kind=MoveKind.PICK, path=taken, speed_m_s=slow, force_limit_n=force, gripper_m=closed),
+        Move(kind=MoveKind.LIFT, path=lift, speed_m_s=slow, force_limit_n=force, gripper_m=closed),
+        Move(kind=MoveKind.TRANSIT, path=across, speed_m_s=fast, force_limit_n=force, gripper_m=closed),
+        Move(kind=MoveKind.APPROACH, path=inward, speed_m_s=slow, force_limit_n=force, gripper_m=closed),
+        Move(
+            kind=MoveKind.INSERT,
+            path=insert,
+            speed_m_s=limits.insert_speed_m_s,
+            force_limit_n=force,
+            gripper_m=closed,
+            alternatives=alternatives,
+        ),
+        Move(kind=MoveKind.RELEASE, path=(rest,), speed_m_s=slow, force_limit_n=force, gripper_m=opened),
+        Move(kind=MoveKind.RETREAT, path=retreat, speed_m_s=slow, force_limit_n=force, gripper_m=opened),
     )
     motion = bench.waiting(body.name)
     held = Grasp(
-        grasp.width_m,
-        body.mass_kg,
-        three((np.linalg.inv(seat.flange) @ np.append(body.centroid, 1.0))[:3]),
-        min(cell.gripper.force_n, 235.0),
-        pose_of(motion),
-        {
+        width_m=grasp.width_m,
+        mass_kg=body.mass_kg,
+        cog_m=three((np.linalg.inv(seat.flange) @ np.append(body.centroid, 1.0))[:3]),
+        force_n=min(cell.gripper.force_n, 235.0),
+        tray_motion=pose_of(motion),
+        extra={
             "kind": "suction" if isinstance(cell.gripper, SuctionGripper) else "parallel",
             "cone_usable_deg": float(np.rad2deg(usable)),
         },

@@ -20,7 +20,7 @@ SAFETY = 2.0
 """A tool holds this many times a part's weight: what the arm's own acceleration (0.5 m/s²) and doubt ask for."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ParallelGripper:
     """A parallel gripper that closes along y of the flange's frame.
 
@@ -53,7 +53,7 @@ class ParallelGripper:
         return "" if mass_kg <= holds else f"heavier than the fingers hold ({mass_kg:.2f} kg, at most {holds:.2f} kg)"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SuctionGripper:
     """One bellows cup at the end of a stem along z of the flange's frame. Opening 0 is vacuum, `RELEASED_M` none.
 

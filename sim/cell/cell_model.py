@@ -62,7 +62,7 @@ class Pose:
     quat_wxyz: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Workplace:
     """All that stays the same during a build.
 
@@ -123,7 +123,17 @@ def workplace(
             tuple(geom(k, "convex", (piece - shift) @ turn, np.zeros(3)) for piece in body.pieces)
             for k, body in enumerate(where.bodies)
         )
-    return Workplace(cell, where.assembly, tuple(contacts), turn, shift, skins, where.plinth, friction, pad_friction)
+    return Workplace(
+        cell=cell,
+        assembly=where.assembly,
+        contacts=tuple(contacts),
+        turn=turn,
+        shift=shift,
+        skins=skins,
+        plinth=where.plinth,
+        friction=friction,
+        pad_friction=pad_friction,
+    )
 
 
 def seat(part: Part) -> Pose:

@@ -131,7 +131,15 @@ def watch(cell: SimulatedCell, part: int | None) -> Standing:
     # A part that its support took over stays as it was let go: it can be out of place, though it cannot fall.
     judged = free if part is None or part in free else [*free, part]
     if not judged:
-        return Standing(True, "", 0.0, FAR_M, (), seconds, "everything is held")
+        return Standing(
+            stands=True,
+            farthest="",
+            displacement_m=0.0,
+            allowed_m=FAR_M,
+            moved=(),
+            seconds=seconds,
+            reason="everything is held",
+        )
     gaps = np.array([displacement(cell, k) for k in judged])
     allowed = np.maximum(FAR_M, FAR_SHARE * sizes[judged])
     resting = bool((cell.speeds() <= REST_SHARE_S * sizes[free]).all())
@@ -147,7 +155,16 @@ def watch(cell: SimulatedCell, part: int | None) -> Standing:
         stands = True
     else:
         stands, words = None, f"it still moves after {seconds:.1f} s; {words}"
-    return Standing(stands, name, float(gaps[worst]), float(allowed[worst]), moved, seconds, words, held)
+    return Standing(
+        stands=stands,
+        farthest=name,
+        displacement_m=float(gaps[worst]),
+        allowed_m=float(allowed[worst]),
+        moved=moved,
+        seconds=seconds,
+        reason=words,
+        on_support=held,
+    )
 
 
 def displacement(cell: SimulatedCell, part: int) -> float:
@@ -199,19 +216,19 @@ def rehearse(
             detail = f"no verdict: {broken}"
             log.parts.append(PartRehearsal(step.part, ExecutionStatus.REFUSED, detail))
         return Rehearsal(
-            whole_plan,
-            design.assembly.name,
-            options,
-            f"mujoco {mujoco.__version__}",
-            tuple(log.parts),
-            whole,
-            len(plan.steps),
-            interrupted,
-            arm.time_s,
-            time.perf_counter() - started,
-            place,
-            arm.frames,
-            tuple(log.chapters),
+            plan=whole_plan,
+            name=design.assembly.name,
+            options=options,
+            engine=f"mujoco {mujoco.__version__}",
+            parts=tuple(log.parts),
+            whole=whole,
+            planned=len(plan.steps),
+            interrupted=interrupted,
+            simulated_s=arm.time_s,
+            seconds=time.perf_counter() - started,
+            place=place,
+            frames=arm.frames,
+            chapters=tuple(log.chapters),
         )
 
 

@@ -47,7 +47,7 @@ class Options:
                 raise InputError(f"{name} is {value:g}; give {low:g} to {high:.4g}.")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Standing:
     """Whether the structure stands as it should, by how far its parts are from their places once it rests.
 
@@ -109,7 +109,7 @@ class PartRehearsal:
         return self.status is ExecutionStatus.SUCCEEDED and self.standing is not None and self.standing.stands is True
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Rehearsal:
     """A rehearsal, finished or not.
 

@@ -86,12 +86,12 @@ class Springs:
         wide = np.concatenate([whitening, np.zeros((1, *whitening.shape[1:]))])
         rows = np.stack([np.einsum("ckx,cxy->cky", sides[s], wide[p]) for s, p in ((0, first), (1, second))], axis=1)
         contacts = ContactSprings(
-            read_only(first, np.int64),
-            read_only(second, np.int64),
-            read_only(rows),
-            read_only(normal),
-            read_only(shear_ratio * normal),
-            read_only(np.broadcast_to(np.asarray(friction, dtype=np.float64), len(pairs))[used]),
+            first=read_only(first, np.int64),
+            second=read_only(second, np.int64),
+            rows=read_only(rows),
+            normal=read_only(normal),
+            tangential=read_only(shear_ratio * normal),
+            friction=read_only(np.broadcast_to(np.asarray(friction, dtype=np.float64), len(pairs))[used]),
         )
         return cls(
             contacts=contacts,

@@ -15,7 +15,7 @@ from sim.scene import Compiled
 from sim.shapes.inertia import inertia
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class HandOptions:
     """How a part is held and what counts as jammed. Lengths are shares of the part's size (twice its reach).
 
@@ -75,6 +75,7 @@ class HandPath:
         compiled: Compiled,
         part: int,
         way: Array,
+        *,
         legs: Sequence[tuple[float, int]],
         offset: Array,
     ) -> None:

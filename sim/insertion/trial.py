@@ -33,7 +33,7 @@ LAST_STRETCH = 0.4
 """Share of the hand's steps for the last stretch of a way, all that is gone among free neighbours."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class InsertionTrial:
     """One insertion, judged.
 
@@ -141,7 +141,7 @@ def _driven(
     # With friction the hand also drags the part along what it rubs against, on both sides at most.
     beyond = 1.0 + hand.impact + 2.0 * scene.settings.friction
     allowed = hand.weight_share * weight + scene.hand.stiffness * (effective + ready.sunk) * beyond
-    path = HandPath(model, compiled, cone.part, direction.vector, legs, offset)
+    path = HandPath(model, compiled, cone.part, direction.vector, legs=legs, offset=offset)
     data = mujoco.MjData(model)
     heard()
     path.place(data)
@@ -184,20 +184,20 @@ def _driven(
         moved,
     )
     return InsertionTrial(
-        assembly.parts[cone.part].name,
-        direction.kind,
-        tuple(float(x) for x in direction.vector),
-        ready.clearance,
-        effective,
-        ready.below,
-        reason == "",
-        reason or "went in freely",
-        force,
-        allowed,
-        max(depth, start_overlap),
-        deviation,
-        moved,
-        step,
+        part=assembly.parts[cone.part].name,
+        kind=direction.kind,
+        direction=tuple(float(x) for x in direction.vector),
+        clearance=ready.clearance,
+        error=effective,
+        below=ready.below,
+        succeeded=reason == "",
+        reason=reason or "went in freely",
+        peak_force=force,
+        allowed_force=allowed,
+        peak_penetration=max(depth, start_overlap),
+        tracking_error=deviation,
+        moved_below=moved,
+        steps=step,
     )
 
 

@@ -29,7 +29,7 @@ KEEPS = 1e-3
 settings' step, because contacts give in proportion to the step's square; then finer ones are tried."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class InsertionScene:
     """A compiled scene with one part in the hand, to be used for any number of trials.
 
@@ -95,16 +95,18 @@ def insertion_scene(
     stiffness = hand.stiffness * weight / (2.0 * far)
     settings = settings_for(assembly, friction, int((present & ~held).sum()))
     scene = Scene(
-        assembly,
-        model,
-        present if below == "free" else _nearby(assembly, index, present),
-        np.asarray(held),
-        assembly.gravity,
-        settings,
-        Hand(index, stiffness, stiffness * far**2),
+        assembly=assembly,
+        contact_model=model,
+        present=present if below == "free" else _nearby(assembly, index, present),
+        held=np.asarray(held),
+        gravity=assembly.gravity,
+        settings=settings,
+        hand=Hand(index, stiffness, stiffness * far**2),
     )
     points = (np.concatenate(polygons),) if polygons else ()
-    ready = InsertionScene(compile_scene(scene), cone, clearance, below, points)
+    ready = InsertionScene(
+        compiled=compile_scene(scene), cone=cone, clearance=clearance, below=below, travel_points=points
+    )
     return ready if below == "held" else _settled(ready, {c.parts[0] for c in mine}, hand)
 
 
@@ -134,7 +136,7 @@ def _left_alone(ready: InsertionScene, hand: HandOptions) -> tuple[Array, Array]
     far = reach(compiled.scene.assembly)[compiled.parts]
     below = compiled.parts != ready.cone.part
     offset = np.zeros(compiled.dof.shape[1])
-    path = HandPath(compiled.model, compiled, ready.cone.part, way, ((ready.travel(way, hand), 1),), offset)
+    path = HandPath(compiled.model, compiled, ready.cone.part, way, legs=((ready.travel(way, hand), 1),), offset=offset)
     data = mujoco.MjData(compiled.model)
     path.place(data)
     mujoco.mj_forward(compiled.model, data)

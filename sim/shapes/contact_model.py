@@ -34,7 +34,7 @@ ENOUGH, BEGIN_WITH = 48, 8
 """Contact points of a pair that serve every load; those to begin with where they are chosen for one load."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Geom:
     """A shape fixed to a part.
 
@@ -198,7 +198,14 @@ def geom(
 ) -> Geom:
     """Return a shape with read-only arrays; `rotation` defaults to the world's axes."""
     frame = np.eye(3) if rotation is None else rotation
-    return Geom(part, kind, read_only(np.atleast_2d(points)), read_only(size), read_only(frame), role)
+    return Geom(
+        part=part,
+        kind=kind,
+        points=read_only(np.atleast_2d(points)),
+        size=read_only(size),
+        rotation=read_only(frame),
+        role=role,
+    )
 
 
 def _frame(normal: Array) -> Array:

@@ -35,7 +35,7 @@ OUT_OF_SIGHT = 0.7
 """How far a part falls, relative to the assembly, until a film of it is over."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FilmOptions:
     """How a film looks.
 

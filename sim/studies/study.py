@@ -78,7 +78,7 @@ class Point:
         return ", ".join(f"{key}={fields.shown(value)}" for key, value in self.values.items())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Study:
     """What a study asks.
 
@@ -141,7 +141,9 @@ def read_study(path: str | Path, further: Mapping[str, Any] | None = None) -> St
         raise InputError(f"{where} has {total} points; at most {MAX_POINTS} are run. Split it.")
     chosen = known["stages"].value(given.get("stages", known["stages"].default), f"{where}: stages")
     name = known["name"].value(given["name"], f"{where}: name") if "name" in given else path.stem
-    return Study(name, base, vary, fixed, combine, tuple(s for s in STAGES if s in chosen))
+    return Study(
+        name=name, base=base, vary=vary, fixed=fixed, combine=combine, stages=tuple(s for s in STAGES if s in chosen)
+    )
 
 
 def nested(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -269,7 +269,14 @@ def test_example_studies_can_be_read_and_their_first_point_computed(path: Path) 
     study = read_study(path)
     for point in study.points:
         study.config(point)
-    first = Study(study.name, study.base, {k: v[:1] for k, v in study.vary.items()}, study.fixed, "grid", study.stages)
+    first = Study(
+        name=study.name,
+        base=study.base,
+        vary={k: v[:1] for k, v in study.vary.items()},
+        fixed=study.fixed,
+        combine="grid",
+        stages=study.stages,
+    )
     (row,) = run_study(first, Inline()).rows
     assert row is not None and row["status"] == "holds", row
 

@@ -45,11 +45,26 @@ def flat() -> Design:
     points = contact.polygon[0] * (1 - t) + contact.polygon[1] * t + 0.03 * np.sin(np.pi * t) ** 2 * contact.normal
     points[-1] = contact.polygon[1]
     facets = np.stack([np.arange(18), np.arange(1, 19)], axis=1)
-    joint = Joint(contact, "n", contact.normal, points, facets, {"height": 0.1, "a": 1 / 3})
+    joint = Joint(
+        contact=contact,
+        kind="n",
+        direction=contact.normal,
+        vertices=points,
+        facets=facets,
+        parameters={"height": 0.1, "a": 1 / 3},
+    )
     built = build_parts_2d(source, [joint])
     case = CaseResult("gravity", 0.3, 1e-12)
     insertion = Insertion("top", -contact.normal, float(np.deg2rad(12.0)))
-    return Design(source, built, (joint,), (insertion,), (case,), {"kinematic": 0.1, "total": 0.2}, ("fine",))
+    return Design(
+        source=source,
+        assembly=built,
+        joints=(joint,),
+        insertion=(insertion,),
+        load_cases=(case,),
+        seconds={"kinematic": 0.1, "total": 0.2},
+        notes=("fine",),
+    )
 
 
 @pytest.fixture
@@ -57,7 +72,13 @@ def solid() -> Design:
     meshes = [Mesh((BOX + np.array([0, 0, k])) / 7, FACES) for k in range(2)]
     parts = (Part("Fuß/../..", meshes[0], fixed=True), Part("Kopf", meshes[1]))
     source = Assembly("solid", parts, alpha_rad=None)
-    return Design(source, source, (), (Insertion("Kopf", np.array([0.0, 0, -1]), 0.5),), ())
+    return Design(
+        source=source,
+        assembly=source,
+        joints=(),
+        insertion=(Insertion("Kopf", np.array([0.0, 0, -1]), 0.5),),
+        load_cases=(),
+    )
 
 
 def test_a_flat_design_comes_back_bit_for_bit(flat: Design, tmp_path: Path) -> None:

@@ -78,7 +78,9 @@ def designed(dimension: int, kind: str) -> Design:
                 part = rectangle.part((0.1, 0.1), (0.9, 0.9))
                 joints.append(bicubic_joint(contact, part, 0.02, u, segments, "z" if kind.endswith("_z") else "n"))
     assert {j.kind for j in joints} == {kind}
-    return Design(source, build_parts(source, joints), tuple(joints), (), ())
+    return Design(
+        source=source, assembly=build_parts(source, joints), joints=tuple(joints), insertion=(), load_cases=()
+    )
 
 
 @pytest.mark.parametrize(("dimension", "kind"), [(d, k) for d, kinds in KINDS.items() for k in kinds])

@@ -94,7 +94,9 @@ def moves_through(at: Waypoint, stops: Sequence[Stop]) -> tuple[Move, ...]:
             tilted = to - 0.008 * np.array([math.sin(0.1), 0.0, -math.cos(0.1)])
             q = MODEL.solve_pose([*tilted, *at.tcp[3:]], at.q, TOOL)
             others = (line(Waypoint(0.0, six(q), MODEL.tcp_pose(q, TOOL)), to, speed, acceleration),)
-        moves.append(Move(kind, path, speed, 20.0, gripper, others))
+        moves.append(
+            Move(kind=kind, path=path, speed_m_s=speed, force_limit_n=20.0, gripper_m=gripper, alternatives=others)
+        )
         at = path[-1]
     return tuple(moves)
 
@@ -136,9 +138,9 @@ def small_plan(parts: int = 2, short: bool = False) -> Plan:
         start, beside = home + np.array([0, 0.04 * k, 0]), home + np.array([0, 0.04 * (k + 1), 0])
         moves = moves_through(at, short_stops(start, beside) if short else full_stops(tray, seat))
         at = moves[-1].path[-1]
-        grasp = Grasp(WIDTH, 0.2, (0.0, 0.0, 0.15))
+        grasp = Grasp(width_m=WIDTH, mass_kg=0.2, cog_m=(0.0, 0.0, 0.15))
         steps.append(Step(f"p{k + 1:02d}", grasp, moves, (0.0, 0.0, -1.0), math.radians(10)))
-    return Plan("0" * 64, "ur5e", "2f85", CELL, tuple(steps))
+    return Plan(design_sha256="0" * 64, robot="ur5e", gripper="2f85", cell=CELL, steps=tuple(steps))
 
 
 def suction_plan(parts: int = 1, short: bool = False, wiring: VacuumWiring = WIRING) -> Plan:

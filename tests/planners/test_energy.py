@@ -53,7 +53,14 @@ def problem_of(assembly: Assembly, alpha: bool = True) -> tuple[Problem, Paramet
     lean = 0.1 * rng.standard_normal((len(shapes.pair_normal), 1))
     curved = np.ones(len(contacts), dtype=np.bool_)
     turning = np.full(len(assembly.parts), alpha)
-    problem = Problem(shapes, loads, len(required), pairs, assembly.alpha_rad if alpha else None, turning)
+    problem = Problem(
+        shapes=shapes,
+        loads=loads,
+        required=len(required),
+        pairs=pairs,
+        alpha_rad=assembly.alpha_rad if alpha else None,
+        turning=turning,
+    )
     return problem, Parameters(shape, lean, axis, curved)
 
 

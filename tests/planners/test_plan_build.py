@@ -17,7 +17,7 @@ from mocca_robot.config.config import load
 from mocca_robot.design import Design, Insertion
 from mocca_robot.errors import InputError
 from mocca_robot.plan.arm_models import MODELS
-from mocca_robot.plan.plan import Move, MoveKind, Plan, Waypoint, insertion_axis, write_plan
+from mocca_robot.plan.plan import MoveKind, Plan, Waypoint, insertion_axis, write_plan
 from mocca_robot.plan.safety import findings
 from planners.robot.arm_poses import branches
 from planners.robot.build_plan import build_plan
@@ -44,7 +44,7 @@ def tower(count: int = 2) -> Design:
     blocks = [block(f"b{k}", 0.0, 0.03 + 0.05 * k, 0.06, 0.05) for k in range(count)]
     assembly = Assembly("tower", (block("base", -0.02, 0, 0.1, 0.03, True), *blocks), alpha_rad=np.deg2rad(10))
     down = tuple(Insertion(b.name, np.array([0.0, -1.0]), float(np.deg2rad(80))) for b in blocks)
-    return Design(assembly, assembly, (), down, ())
+    return Design(source=assembly, assembly=assembly, joints=(), insertion=down, load_cases=())
 
 
 @cache
@@ -115,7 +115,7 @@ def test_the_second_look_sees_what_was_tampered_with() -> None:
         Waypoint(w.t, (w.q[0], w.q[1] + 1.4 * np.sin(np.pi * k / (len(move.path) - 1)), *w.q[2:]), w.tcp)
         for k, w in enumerate(move.path)
     ]
-    first = replace(plan.steps[0], moves=(Move(move.kind, tuple(low), *_rest(move)), *plan.steps[0].moves[1:]))
+    first = replace(plan.steps[0], moves=(replace(move, path=tuple(low)), *plan.steps[0].moves[1:]))
     found = recheck(replace(plan, steps=(first, *plan.steps[1:])), cell(), result.site, result.tray)
     assert any(f.quantity == "a collision" and "move 0" in f.where for f in found)
     # A tray that stands elsewhere: the part would not end in its place.
@@ -123,10 +123,6 @@ def test_the_second_look_sees_what_was_tampered_with() -> None:
     moved = replace(result.tray, motions={k: aside @ v for k, v in result.tray.motions.items()})
     found = recheck(plan, cell(), result.site, moved)
     assert any("distance of the part from its place" in f.quantity for f in found)
-
-
-def _rest(move: Move) -> tuple[float, float, float]:
-    return move.speed_m_s, move.force_limit_n, move.gripper_m
 
 
 def test_the_same_seed_gives_the_same_plan() -> None:
@@ -137,7 +133,13 @@ def test_a_state_that_falls_is_refused_and_supports_lift_the_refusal() -> None:
     assembly = Assembly(
         "overhang", (block("base", 0, 0, 0.04, 0.05, True), block("beam", 0.0, 0.05, 0.12, 0.04)), alpha_rad=0.1
     )
-    design = Design(assembly, assembly, (), (Insertion("beam", np.array([0.0, -1.0]), 0.1),), ())
+    design = Design(
+        source=assembly,
+        assembly=assembly,
+        joints=(),
+        insertion=(Insertion("beam", np.array([0.0, -1.0]), 0.1),),
+        load_cases=(),
+    )
     refused = build_plan(design, cell(), "0" * 64)
     assert refused.plan is None
     assert [(f.part, f.moving) for f in refused.falls] == [("beam", ("beam",))]

@@ -202,7 +202,9 @@ def test_the_structure_stands_where_the_arm_reaches_it() -> None:
     cell = replace(suction(), places_m=(far, near), build_origin_m=far, yaws_rad=(0.0, 1.0))
     from mocca_robot.design import Design, Insertion
 
-    made = Design(low, low, (), (Insertion("part", np.array([0, 0, -1.0]), 0.5),), ())
+    made = Design(
+        source=low, assembly=low, joints=(), insertion=(Insertion("part", np.array([0, 0, -1.0]), 0.5),), load_cases=()
+    )
     result = build_plan(made, cell, "0" * 64)
     assert result.cell.build_origin_m == pytest.approx(near)
     assert recheck(plan_of(result), result.cell, result.site, result.tray) == []

@@ -195,11 +195,11 @@ def test_what_is_known_about_ways_out_stays_true_when_parts_leave() -> None:
     from planners.order.exits import Exits
 
     assembly = random_assembly("wall", 3)
-    exits = Exits(assembly, find_contacts(assembly).contacts, 36)
+    exits = Exits(assembly=assembly, contacts=find_contacts(assembly).contacts, count=36)
     there = exits.free
     while there:
         leaving = [p for p in exits.from_the_top(there) if exits.way_out(p, there) is not None]
-        fresh = Exits(assembly, exits.contacts, 36)
+        fresh = Exits(assembly=assembly, contacts=exits.contacts, count=36)
         assert leaving == [p for p in fresh.from_the_top(there) if fresh.exact_way_out(p, there) is not None]
         if not leaving:
             break

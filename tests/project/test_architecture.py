@@ -9,7 +9,7 @@ from pathlib import Path
 
 import networkx as nx
 import pytest
-from house import FLOORS, LINE, imports, modules, room_of
+from house import FLOORS, LINE, PACKAGES, imports, modules, room_of
 
 ROOT = Path(__file__).parents[2]
 HEAVY = {"numpy", "scipy", "mujoco", "shapely", "trimesh", "networkx", "matplotlib", "clarabel", "rich", "yaml", "lxml"}
@@ -119,3 +119,25 @@ def test_there_is_one_tangent_frame() -> None:
     """Seeding a frame with the axis a direction leans on least is `geometry.frames`' business alone."""
     seeded = [name_of(p) for p in MODULES if re.search(r"eye\(3\)\[.*argmin", p.read_text(encoding="utf-8"))]
     assert seeded == ["mocca_robot/geometry/frames.py"]
+
+
+MOST_IN_A_ROW = 5
+"""Arguments that a reader tells apart by their place; more are named."""
+
+
+def classes_of(path: Path) -> set[str]:
+    return {n.name for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.ClassDef)}
+
+
+def test_long_records_name_their_fields() -> None:
+    everywhere = [p for folder in (*PACKAGES, "benchmarks", "docs", "tests") for p in (ROOT / folder).rglob("*.py")]
+    known = {name for p in everywhere for name in classes_of(p)}
+    found = []
+    for path in everywhere:
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(call, ast.Call) or len(call.args) <= MOST_IN_A_ROW:
+                continue
+            name = ast.unparse(call.func).split(".")[-1]
+            if name in known or name == "cls":
+                found.append(f"{name_of(path)}:{call.lineno} {name}")
+    assert not found, "name the fields; records of more than five take kw_only=True"

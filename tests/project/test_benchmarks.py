@@ -78,7 +78,16 @@ def test_walls_have_the_contacts_that_are_counted() -> None:
 
 
 def row(case: str, tool: str, seconds: float, verdict: str = "holds; 20 parts, 30 joints") -> Measurement:
-    return Measurement("growth", case, tool, seconds, 1, verdict, math.nan, 100.0 + seconds)
+    return Measurement(
+        bench="growth",
+        case=case,
+        tool=tool,
+        seconds=seconds,
+        repeats=1,
+        verdict=verdict,
+        kkt=math.nan,
+        memory_mb=100.0 + seconds,
+    )
 
 
 def test_rows_are_kept_and_merged_by_case_and_tool(tmp_path: Path) -> None:
@@ -107,7 +116,18 @@ def test_the_page_has_a_chapter_per_benchmark_that_was_run(tmp_path: Path) -> No
     keep("growth", rows, False, tmp_path)
     keep(
         "profile",
-        [Measurement("profile", "deer", "statics", 0.1, 1, "50% of 0.2 s", math.nan, math.nan)],
+        [
+            Measurement(
+                bench="profile",
+                case="deer",
+                tool="statics",
+                seconds=0.1,
+                repeats=1,
+                verdict="50% of 0.2 s",
+                kkt=math.nan,
+                memory_mb=math.nan,
+            )
+        ],
         False,
         tmp_path,
     )

@@ -26,7 +26,10 @@ def shots() -> list[Shot]:
     falling = np.zeros((5, 2, 3))
     falling[:, 1] = np.linspace(0, 1, 5)[:, None] * [0.05, -0.02, -0.5]
     stands, falls = assembly(), assembly()
-    return [Shot(falls, "<flat>", {}, False, falling, np.array([1, 2])), Shot(stands, "cone", {})]
+    return [
+        Shot(assembly=falls, title="<flat>", ways={}, stands=False, falling=falling, moving=np.array([1, 2])),
+        Shot(assembly=stands, title="cone", ways={}),
+    ]
 
 
 def keyframes(text: str, name: str) -> list[tuple[float, str]]:

@@ -67,7 +67,15 @@ def designed(curved: bool = True, **changes: Any) -> Design:
     ways = tuple(Insertion(source.parts[c.parts[1]].name, -c.normal, np.deg2rad(5.0)) for c in contacts)
     cases = (CaseResult("gravity", 0.01, 0.0),)
     built = build_parts_2d(source, joints)
-    design = Design(source, built, joints, ways, cases, {"total": 0.5}, ("kept planar: <x>",))
+    design = Design(
+        source=source,
+        assembly=built,
+        joints=joints,
+        insertion=ways,
+        load_cases=cases,
+        seconds={"total": 0.5},
+        notes=("kept planar: <x>",),
+    )
     return dataclasses.replace(design, **changes)
 
 
@@ -90,10 +98,13 @@ def solid_data() -> ReportData:
         )
         for k, (r, s, z) in enumerate(((0.0, 0.05, 0.1), (0.05, 0.17, 0.2)))
     )
-    joints = tuple(Joint(c, "planar", c.normal, c.polygon, np.array([[0, 1, 2], [0, 2, 3]])) for c in contacts)
+    joints = tuple(
+        Joint(contact=c, kind="planar", direction=c.normal, vertices=c.polygon, facets=np.array([[0, 1, 2], [0, 2, 3]]))
+        for c in contacts
+    )
     down = np.array([0.0, 0.0, -1.0])
     ways = tuple(Insertion(p.name, down, np.deg2rad(5.0)) for p in parts[1:])
-    design = Design(assembly, assembly, joints, ways, ())
+    design = Design(source=assembly, assembly=assembly, joints=joints, insertion=ways, load_cases=())
     cases = tuple(solve_case(assembly, contacts, c) for c in load_cases(assembly))
     inserted = tuple(InsertionVerdict(p.name, np.pi / 2, assembly.alpha_rad, (), False) for p in parts[1:])
     checked = Verification(contacts, cases, inserted, 0.0)
@@ -406,8 +417,22 @@ def test_figures_stand_alone(kind: str, request: pytest.FixtureRequest, tmp_path
 
 def test_comparison_names_every_variant_and_its_verdicts(flat: ReportData) -> None:
     variants = (
-        Variant("planar <1>", flat.design.source, flat.before, physics_stands=True, deadlocked=True),
-        Variant("cone joints", flat.design.assembly, flat.after, flat.design.joints, flat.design.insertion, True, 0.1),
+        Variant(
+            name="planar <1>",
+            assembly=flat.design.source,
+            verification=flat.before,
+            physics_stands=True,
+            deadlocked=True,
+        ),
+        Variant(
+            name="cone joints",
+            assembly=flat.design.assembly,
+            verification=flat.after,
+            joints=flat.design.joints,
+            insertion=flat.design.insertion,
+            physics_stands=True,
+            tilt_rad=0.1,
+        ),
     )
     page = comparison_page("a & b", variants)
     ET.fromstring(page.split("\n", 1)[1])

@@ -247,8 +247,17 @@ def test_robustness_is_the_same_for_the_same_seed():
 
 def test_physics_that_differs_from_statics_counts_with_friction_too_and_tells_its_cause() -> None:
     def with_tilt(found: float, expected: float, failed: tuple[float, ...] = (), cause: str = "") -> Simulation:
-        tilt = TiltReport(0.0, float(np.deg2rad(found)), float(np.deg2rad(expected)), 0.3, (), failed, 0.0, cause)
-        return Simulation("tower", "mujoco", 2, tilt=(tilt,))
+        tilt = TiltReport(
+            azimuth_rad=0.0,
+            critical_rad=float(np.deg2rad(found)),
+            statics_rad=float(np.deg2rad(expected)),
+            friction=0.3,
+            moved=(),
+            failed=failed,
+            within_rad=0.0,
+            cause=cause,
+        )
+        return Simulation(name="tower", engine="mujoco", dimension=2, tilt=(tilt,))
 
     assert with_tilt(25.2, 25.0).disagreements == ()
     assert len(with_tilt(25.0, 20.0).disagreements) == 1

@@ -66,7 +66,7 @@ def pile(overhang: float = -0.03) -> Design:
     blocks = (block("base", -0.02, 0, 0.1, 0.03, True), block("b0", 0.05 + overhang, 0.03, 0.06, 0.05))
     down = (Insertion("b0", np.array([0.0, -1.0]), float(np.deg2rad(80))),)
     assembly = Assembly("pile", blocks, alpha_rad=np.deg2rad(10))
-    return Design(assembly, assembly, (), down, ())
+    return Design(source=assembly, assembly=assembly, joints=(), insertion=down, load_cases=())
 
 
 @cache
@@ -129,7 +129,7 @@ def test_a_cup_carries_what_its_vacuum_holds_and_drops_what_it_does_not() -> Non
     bricks = (Part("base", brick(0.0, 0.05, 0.14), fixed=True), Part("lid", brick(0.05, 0.1, 0.1)))
     down = (Insertion("lid", np.array([0.0, 0.0, -1.0]), float(np.deg2rad(60))),)
     assembly = Assembly("bricks", bricks, alpha_rad=np.deg2rad(10))
-    bricked = Design(assembly, assembly, (), down, ())
+    bricked = Design(source=assembly, assembly=assembly, joints=(), insertion=down, load_cases=())
     built = build_plan(bricked, cup, "0" * 64)
     assert built.plan is not None, [r.reasons for r in built.reports]
     result = rehearse(built.plan, bricked, QUICK)

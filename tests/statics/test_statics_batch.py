@@ -95,7 +95,14 @@ def test_residual_and_forces_give_the_gradient() -> None:
     energies = []
     for sign in (1.0, -1.0):
         s = case.system
-        moved = ContactSystem(s.pairs, s.rays_i + sign * change, s.rays_j + sign * change, s.free, s.about, s.length)
+        moved = ContactSystem(
+            pairs=s.pairs,
+            rays_i=s.rays_i + sign * change,
+            rays_j=s.rays_j + sign * change,
+            free=s.free,
+            about=s.about,
+            length=s.length,
+        )
         r = solve_cases(moved, w).residual[0]
         energies.append(0.5 * r @ r)
     j, i = case.system.columns[case.pairs[ray, 1]], case.system.columns[case.pairs[ray, 0]]

@@ -24,7 +24,7 @@ SPARSE_COSTS = 3.0
 """Time of a sparse factor's multiplication, over that of a band's: 2 on domes, 3 on flat walls."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class PairBlocks:
     """Rays of a `ContactSystem` sorted by pair, for fast products with B, and the order of its Cholesky factors.
 
@@ -73,7 +73,16 @@ class PairBlocks:
         rays = np.empty((rays_j.shape[1], len(order)))
         kernels.columns(rays_j, order, starts, offset[j], rays)
         to_own = _shift(offset[free])
-        return cls(rays_j.shape[1], number[i], number[j], rays, starts, order, len(pairs), to_own)
+        return cls(
+            dof=rays_j.shape[1],
+            first=number[i],
+            second=number[j],
+            rays=rays,
+            starts=starts,
+            source=order,
+            n_rays=len(pairs),
+            to_own=to_own,
+        )
 
     @property
     def size(self) -> int:

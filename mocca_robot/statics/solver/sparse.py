@@ -18,7 +18,7 @@ from mocca_robot.statics.solver.banded import adjacency
 from mocca_robot.statics.solver.factors import require_positive
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SparseLayout:
     """Order of the free parts by minimum degree, and which blocks the factor has; see `sparse_kernels`.
 
@@ -49,7 +49,9 @@ class SparseLayout:
         starts = np.cumsum([0, *map(len, columns)])
         below = np.zeros(len(first), dtype=np.int64)
         below[inner] = [int(np.searchsorted(columns[c], r)) for c, r in zip(low, high, strict=True)]
-        return cls(first, second, place, starts, np.concatenate(columns), below, dof)
+        return cls(
+            first=first, second=second, place=place, starts=starts, rows=np.concatenate(columns), below=below, dof=dof
+        )
 
     @property
     def multiplications(self) -> float:

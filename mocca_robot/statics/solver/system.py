@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mocca_robot.statics.solver.blocks import PairBlocks
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class ContactSystem:
     """C unilateral contact rays between N parts.
 
@@ -85,12 +85,12 @@ class ContactSystem:
             length = float(np.sqrt((spread**2).sum(axis=1).mean())) or 1.0
         i, j = pairs[:, 0], pairs[:, 1]
         return cls(
-            pairs,
-            generalized_normals(points, normals, about[i], length),
-            generalized_normals(points, normals, about[j], length),
-            np.asarray(free, dtype=np.bool_),
-            about,
-            length,
+            pairs=pairs,
+            rays_i=generalized_normals(points, normals, about[i], length),
+            rays_j=generalized_normals(points, normals, about[j], length),
+            free=np.asarray(free, dtype=np.bool_),
+            about=about,
+            length=length,
         )
 
     @property
@@ -155,8 +155,17 @@ class ContactSystem:
 
     def subset(self, rays: BoolArray) -> ContactSystem:
         """Return the system with only the contact rays where `rays` (C,) is true."""
-        return ContactSystem(self.pairs[rays], self.rays_i[rays], self.rays_j[rays], self.free, self.about, self.length)
+        return ContactSystem(
+            pairs=self.pairs[rays],
+            rays_i=self.rays_i[rays],
+            rays_j=self.rays_j[rays],
+            free=self.free,
+            about=self.about,
+            length=self.length,
+        )
 
     def holding(self, free: BoolArray) -> ContactSystem:
         """Return the system with other parts free to move."""
-        return ContactSystem(self.pairs, self.rays_i, self.rays_j, free, self.about, self.length)
+        return ContactSystem(
+            pairs=self.pairs, rays_i=self.rays_i, rays_j=self.rays_j, free=free, about=self.about, length=self.length
+        )
