@@ -22,7 +22,7 @@ def equilibrium_with_friction(
     normals: Array,
     wrenches: Array,
     free: BoolArray,
-    friction: float,
+    friction: float | Array,
     about: Array | None = None,
     length: float | None = None,
     solver: str = "auto",
@@ -31,7 +31,8 @@ def equilibrium_with_friction(
 
     Arguments as in `equilibrium`; `wrenches` is one load case (N, dof). `forces` of the result are vectors
     (C, d) acting on part j. In 2D the cone is exactly two rays, for any solver of Eq. 7; in 3D it is a
-    second-order cone, for those in `CONE_SOLVERS`. Raises InputError for a solver that has no such cones.
+    second-order cone, for those in `CONE_SOLVERS`. `friction` is one coefficient, or (C,) one a contact. Raises
+    InputError for a solver that has no such cones.
     """
     if normals.shape[1] == 2:
         return _planar(pairs, points, normals, wrenches, free, friction, about, length, solver)
@@ -46,14 +47,15 @@ def _planar(
     normals: Array,
     wrenches: Array,
     free: BoolArray,
-    friction: float,
+    friction: float | Array,
     about: Array | None,
     length: float | None,
     solver: str,
 ) -> EquilibriumResult:
-    beside = friction * tangents(normals)[:, 0]
+    mu = np.full(len(normals), friction, dtype=np.float64)[:, None]
+    beside = mu * tangents(normals)[:, 0]
     rays = np.concatenate([normals + beside, normals - beside])
-    rays /= np.sqrt(1.0 + friction**2)
+    rays /= np.sqrt(1.0 + np.concatenate([mu, mu]) ** 2)
     system = ContactSystem.build(np.tile(pairs, (2, 1)), np.tile(points, (2, 1)), rays, free, about, length)
     result = solve_system(system, system.scaled(wrenches), solver=solver)
     per_ray = result.forces[:, None] * rays
@@ -67,20 +69,20 @@ def _spatial(
     normals: Array,
     wrenches: Array,
     free: BoolArray,
-    friction: float,
+    friction: float | Array,
     about: Array | None,
     length: float | None,
     solver: str,
 ) -> EquilibriumResult:
     """Eq. 8 over second-order cones: our own interior point, Clarabel where it fails."""
     axes = np.concatenate([normals[:, None], tangents(normals)], axis=1)  # (C, 3, 3)
-    frame = _three_rows(pairs, points, axes, free, friction, about, length)
+    frame = three_rows(pairs, points, axes, free, friction, about, length)
     w = frame.scaled(wrenches)
     scale = float(np.linalg.norm(w))
     if scale == 0.0:
         return EquilibriumResult(Status.EQUILIBRIUM, 0.0, np.zeros_like(normals), frame.unscaled_motion(w), 0.0)
-    if len(pairs) == 0:
-        return EquilibriumResult(Status.NOT_IN_EQUILIBRIUM, 0.5, np.zeros((0, 3)), frame.unscaled_motion(w), 0.0)
+    if not free[frame.pairs].any():
+        return EquilibriumResult(Status.NOT_IN_EQUILIBRIUM, 0.5, np.zeros_like(normals), frame.unscaled_motion(w), 0.0)
     best: tuple[float, Array, Array] | None = None
     for attempt in CONE_SOLVERS.values() if solver == "auto" else (CONE_SOLVERS[solver],):
         try:
@@ -98,7 +100,7 @@ def _spatial(
         return EquilibriumResult(Status.INACCURATE, np.nan, nan, frame.unscaled_motion(0 * w), np.inf)
     kkt, f, residual = best
     relative = float(np.linalg.norm(residual))
-    forces = np.einsum("ck,ckd->cd", f / [friction, 1.0, 1.0], axes) * scale
+    forces = np.einsum("ck,ckd->cd", f * steepness(friction, len(pairs)), axes) * scale
     motions = frame.unscaled_motion(residual * scale)
     return EquilibriumResult(verdict(relative, kkt), 0.5 * relative**2, forces, motions, kkt)
 
@@ -156,19 +158,27 @@ CONE_SOLVERS: dict[str, Callable[[ContactSystem, Array], Array]] = {
 """Solvers of Eq. 8 over second-order cones, in the order in which 'auto' tries them."""
 
 
-def _three_rows(
+def three_rows(
     pairs: IntArray,
     points: Array,
     axes: Array,
     free: BoolArray,
-    friction: float,
+    friction: float | Array,
     about: Array | None,
     length: float | None,
 ) -> ContactSystem:
-    """Return the system with rows [n/μ; t₁; t₂] for every contact."""
+    """Return the system with rows [n/μ; t₁; t₂] for every contact, [n; 0; 0] where μ = 0.
+
+    `axes` are (C, 3, d); in 2D the third one, which does not exist, is given as zeros.
+    """
     thrice = np.repeat(np.arange(len(pairs)), 3)
-    system = ContactSystem.build(pairs[thrice], points[thrice], axes.reshape(-1, 3), free, about, length)
-    steep = np.tile([1.0 / friction, 1.0, 1.0], len(pairs))[:, None]
+    d = axes.shape[2]
+    third = np.asarray(axes[:, 2].any(axis=1))
+    units = np.where(third[:, None, None], axes, np.stack([axes[:, 0], axes[:, 1], axes[:, 1]], axis=1))
+    system = ContactSystem.build(pairs[thrice], points[thrice], units.reshape(-1, d), free, about, length)
+    steep = steepness(friction, len(pairs))
+    steep[:, 2] *= third
+    steep = steep.reshape(-1, 1)
     return replace(system, rays_i=system.rays_i * steep, rays_j=system.rays_j * steep)
 
 
@@ -179,3 +189,13 @@ def _into_cone(f: Array) -> Array:
     shrink = np.minimum(1.0, f[:, 0] / np.maximum(np.hypot(f[:, 1], f[:, 2]), 1e-300))
     f[:, 1:] *= shrink[:, None]
     return f
+
+
+def steepness(friction: float | Array, count: int) -> Array:
+    """Return (count, 3) what turns the axes n, t₁, t₂ of a contact into the rows of its cone: 1/μ, 1, 1.
+
+    Where μ = 0 the rows are n, 0, 0: tangential forces then do nothing.
+    """
+    mu = np.full(count, friction, dtype=np.float64)
+    rough = mu > 0.0
+    return np.stack([1.0 / np.where(rough, mu, 1.0), 1.0 * rough, 1.0 * rough], axis=1)

@@ -41,7 +41,10 @@ def longest(x: Array, dx: Array) -> float:
     root = np.sqrt(np.maximum(b * b - a * c, 0.0)) - b
     leaves = (a < 0.0) | ((b < 0.0) & (b * b > a * c))
     steps = np.where(leaves & (root > 0.0), c / np.where(root > 0.0, root, 1.0), np.inf)
-    return float(steps.min(initial=np.inf))
+    # Straight towards the tip both roots are one, and rounding may lose it.
+    down = dx[0] < 0.0
+    tip = np.where(down, x[0] / np.where(down, -dx[0], 1.0), np.inf)
+    return float(np.minimum(steps, tip).min(initial=np.inf))
 
 
 def is_inside(x: Array) -> bool:
