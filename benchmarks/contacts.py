@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.growth import dome
-from benchmarks.measurement import Measurement, Outcome, measure
+from benchmarks.measurement import Measurement, ToolAnswer, measure
 from mocca_robot.assembly import Assembly, Mesh, Part
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.geometry.facets import facets
@@ -51,14 +51,14 @@ def contacts(quick: bool = False, only: str | None = None) -> Iterator[Measureme
             yield _peer(name, python, assembly, expected, "compas_cra", FRICTION)
 
 
-def _detected(assembly: Assembly, expected: int | None) -> Outcome:
-    return Outcome(_pairs({c.parts for c in find_contacts(assembly).contacts}, expected))
+def _detected(assembly: Assembly, expected: int | None) -> ToolAnswer:
+    return ToolAnswer(_pairs({c.parts for c in find_contacts(assembly).contacts}, expected))
 
 
-def _judged(assembly: Assembly, expected: int | None) -> Outcome:
+def _judged(assembly: Assembly, expected: int | None) -> ToolAnswer:
     found = find_contacts(assembly).contacts
     result = solve_case(assembly, found, load_cases(assembly)[0], FRICTION).result
-    return Outcome(f"{result.status.value}, {_pairs({c.parts for c in found}, expected)}", result.kkt)
+    return ToolAnswer(f"{result.status.value}, {_pairs({c.parts for c in found}, expected)}", result.kkt)
 
 
 def _pairs(found: set[tuple[int, int]], expected: int | None) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measurement import Measurement, Outcome, measure
+from benchmarks.measurement import Measurement, ToolAnswer, measure
 from mocca_robot.assembly import Assembly, Part, Polygon
 from mocca_robot.config.config import load
 from mocca_robot.joints.options import JointOptions
@@ -75,9 +75,9 @@ def leaning_wall(parts: int, lean_rad: float = LEAN_RAD) -> Assembly:
     return Assembly(f"wall-{parts}", tuple(found), alpha_rad=None)
 
 
-def _ours(assembly: Assembly, options: JointOptions | None = None) -> Outcome:
+def _ours(assembly: Assembly, options: JointOptions | None = None) -> ToolAnswer:
     found = design(assembly, options)
-    return Outcome(_words(found.achieved, [c.infeasibility_after for c in found.design.load_cases]))
+    return ToolAnswer(_words(found.achieved, [c.infeasibility_after for c in found.design.load_cases]))
 
 
 def _words(achieved: bool, infeasibility: object) -> str:
@@ -85,18 +85,18 @@ def _words(achieved: bool, infeasibility: object) -> str:
     return "holds" if achieved else f"falls short, E {left:.1e}"
 
 
-def _programme(assembly: Assembly) -> Outcome:
+def _programme(assembly: Assembly) -> ToolAnswer:
     found = paper_design(assembly, NO_MARGIN)
-    return Outcome(f"{_words(found.achieved, found.infeasibility)}, {found.rounds} rounds")
+    return ToolAnswer(f"{_words(found.achieved, found.infeasibility)}, {found.rounds} rounds")
 
 
-def _search(assembly: Assembly, differences: bool = False) -> Outcome:
+def _search(assembly: Assembly, differences: bool = False) -> ToolAnswer:
     gradient: Gradient = "finite differences" if differences else "envelope"
     found = direct_search(assembly, NO_MARGIN, gradient=gradient, evaluations=100_000 if differences else 400)
-    return Outcome(f"{_words(found.achieved, found.infeasibility)}, {found.evaluations} evaluations")
+    return ToolAnswer(f"{_words(found.achieved, found.infeasibility)}, {found.evaluations} evaluations")
 
 
-TOOLS: dict[str, tuple[int, Callable[[Assembly], Outcome]]] = {
+TOOLS: dict[str, tuple[int, Callable[[Assembly], ToolAnswer]]] = {
     "ours": (128, _ours),
     "ours, no reserve": (128, lambda a: _ours(a, NO_MARGIN)),
     "paper's programme": (128, _programme),

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.design_baseline import leaning_wall
-from benchmarks.measurement import Measurement, Outcome, measure
+from benchmarks.measurement import Measurement, ToolAnswer, measure
 from mocca_robot.assembly import Assembly, Lateral
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.generators import generate
@@ -62,23 +62,23 @@ def _wanted(case: str, only: str | None) -> bool:
     return only is None or only == case or (only in case and not only[-1].isdigit())
 
 
-def _designed(make: object, size: int) -> Outcome:
+def _designed(make: object, size: int) -> ToolAnswer:
     assembly = make(size)  # type: ignore[operator]
     return _outcome(assembly)
 
 
-def _under_cases(count: int) -> Outcome:
+def _under_cases(count: int) -> ToolAnswer:
     tilted = Lateral(float(np.deg2rad(5.0)), count)
     return _outcome(replace(dome(50), goals=(tilted,)))
 
 
-def _outcome(assembly: Assembly) -> Outcome:
+def _outcome(assembly: Assembly) -> ToolAnswer:
     started = time.perf_counter()
     report = find_contacts(assembly)
     contacts_s = time.perf_counter() - started
     found = design(assembly, contacts=report)
     holds = "holds" if found.achieved else "falls short"
-    return Outcome(
+    return ToolAnswer(
         f"{holds}; {len(assembly.parts)} parts, {len(report.contacts)} joints, {len(found.cases)} cases required, "
         f"{time.perf_counter() - started:.1f} s by the clock, {contacts_s:.2f} s of them contacts"
     )

@@ -16,7 +16,7 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ToolAnswer:
     """What a tool answered: a verdict, and the relative KKT residual computed outside it (nan: not applicable)."""
 
     verdict: str
@@ -46,7 +46,7 @@ def measure(
     bench: str,
     case: str,
     tool: str,
-    run: Callable[[], Outcome],
+    run: Callable[[], ToolAnswer],
     *,
     limit_s: float = 60.0,
     repeats: int = 5,
@@ -60,7 +60,7 @@ def measure(
 def side_by_side(
     bench: str,
     case: str,
-    runs: Mapping[str, Callable[[], Outcome]],
+    runs: Mapping[str, Callable[[], ToolAnswer]],
     *,
     limit_s: float = 60.0,
     repeats: int = 5,
@@ -87,7 +87,7 @@ def side_by_side(
 class _Tool:
     """A tool in its process, which waits for its turns."""
 
-    def __init__(self, run: Callable[[], Outcome], spawns: bool, by_clock: bool) -> None:
+    def __init__(self, run: Callable[[], ToolAnswer], spawns: bool, by_clock: bool) -> None:
         context = multiprocessing.get_context("fork")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=_child, args=(theirs, run, by_clock), daemon=not spawns)
@@ -95,7 +95,7 @@ class _Tool:
         theirs.close()
         self.times: list[float] = []
         self.over = False
-        self._outcome, self._memory = Outcome("failed: never ran"), float("nan")
+        self._outcome, self._memory = ToolAnswer("failed: never ran"), float("nan")
 
     def turn(self, limit_s: float) -> None:
         """Let it run once."""
@@ -106,9 +106,9 @@ class _Tool:
                 self.times.append(seconds)
             else:
                 self._process.kill()
-                self.times, self._outcome, self.over = [limit_s], Outcome("timeout"), True
+                self.times, self._outcome, self.over = [limit_s], ToolAnswer("timeout"), True
         except (EOFError, BrokenPipeError):
-            self.times, self._outcome, self.over = [], Outcome("failed: the process ended"), True
+            self.times, self._outcome, self.over = [], ToolAnswer("failed: the process ended"), True
         if self._outcome.verdict.startswith("failed"):
             self.times, self.over = [], True
 
@@ -132,13 +132,13 @@ class _Tool:
         )
 
 
-def _child(pipe: Connection, run: Callable[[], Outcome], by_clock: bool) -> None:
+def _child(pipe: Connection, run: Callable[[], ToolAnswer], by_clock: bool) -> None:
     clock = time.perf_counter if by_clock else time.process_time
     while pipe.recv():
         begin = clock()
         try:
             outcome = run()
         except Exception as error:  # whatever a peer raises is its result
-            outcome = Outcome(f"failed: {type(error).__name__}: {str(error)[:80]}")
+            outcome = ToolAnswer(f"failed: {type(error).__name__}: {str(error)[:80]}")
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
         pipe.send((clock() - begin, outcome, memory))

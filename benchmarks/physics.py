@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
-from benchmarks.measurement import Measurement, Outcome, measure
+from benchmarks.measurement import Measurement, ToolAnswer, measure
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
 from mocca_robot.config.config import load
@@ -54,7 +54,7 @@ def physics(quick: bool = False, only: str | None = None) -> Iterator[Measuremen
             yield measure("physics", f"{name} steps-{threads}", "mujoco", run, limit_s=120.0, repeats=1)
         if name not in TOO_MANY_TRIALS:
             for threads in threads_tried():
-                trials: Callable[[], Outcome] = partial(_trials, built.assembly, ways, threads)
+                trials: Callable[[], ToolAnswer] = partial(_trials, built.assembly, ways, threads)
                 yield measure(
                     "physics", f"{name} insertions-{threads}", "mujoco", trials, limit_s=300.0, repeats=1, spawns=True
                 )
@@ -77,7 +77,7 @@ def insertions(quick: bool = False, only: str | None = None) -> Iterator[Measure
         yield measure("insertions", path.stem, "mujoco", run, limit_s=3600.0, repeats=1, spawns=True)
 
 
-def _insertions(assembly: Assembly, ways: dict[str, Array]) -> Outcome:
+def _insertions(assembly: Assembly, ways: dict[str, Array]) -> ToolAnswer:
     asked = Questions(stages=("insertion",), clearances=CLEARANCES)
     with executor() as processes:
         trials = simulate(assembly, ways, asked, processes=processes).insertion
@@ -90,7 +90,7 @@ def _insertions(assembly: Assembly, ways: dict[str, Array]) -> Outcome:
         mine = [t.peak_force / t.allowed_force for t in inside if t.clearance == clearance]
         said.append(f"{clearance * 1e3:g} mm: force at most {max(mine, default=0.0):.0%} of what is allowed")
     said += [f"'{t.part}' {t.kind}, {t.clearance * 1e3:g} mm, {t.below}: {t.reason}" for t in failed[:5]]
-    return Outcome(f"{'DISAGREE' if failed or passed else 'agree'}: {'; '.join(said)}")
+    return ToolAnswer(f"{'DISAGREE' if failed or passed else 'agree'}: {'; '.join(said)}")
 
 
 def _scene(assembly: Assembly) -> Compiled:
@@ -102,7 +102,7 @@ def _scene(assembly: Assembly) -> Compiled:
     return detailed_scene(assembly, contacts, rays, 0.0, critical_tilt(assembly, contacts, 0.0, 0.0))
 
 
-def _steps(compiled: Compiled, threads: int) -> Outcome:
+def _steps(compiled: Compiled, threads: int) -> ToolAnswer:
     import mujoco
 
     data = [mujoco.MjData(compiled.model) for _ in range(threads)]
@@ -116,17 +116,17 @@ def _steps(compiled: Compiled, threads: int) -> Outcome:
     rate = threads * STEPS / (time.perf_counter() - started)
     model = compiled.model
     size = f"{model.nbody - 1} parts, {contact_points(compiled)} contact points"
-    return Outcome(f"{rate:.0f} steps/s, {threads} threads; {size}")
+    return ToolAnswer(f"{rate:.0f} steps/s, {threads} threads; {size}")
 
 
-def _trials(assembly: Assembly, ways: dict[str, Array], jobs: int) -> Outcome:
+def _trials(assembly: Assembly, ways: dict[str, Array], jobs: int) -> ToolAnswer:
     asked = Questions(stages=("insertion",), clearances=(0.0,), errors=(), threads=jobs)
     with executor(jobs) as processes:
         list(processes.map(_awake, range(jobs)))
         started = time.perf_counter()
         found = simulate(assembly, ways, asked, processes=processes)
         rate = len(found.insertion) / (time.perf_counter() - started)
-    return Outcome(f"{rate:.1f} trials/s, {jobs} processes, {len(found.insertion)} trials")
+    return ToolAnswer(f"{rate:.1f} trials/s, {jobs} processes, {len(found.insertion)} trials")
 
 
 def _awake(number: int) -> int:

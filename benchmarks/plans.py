@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from statistics import median
 
-from benchmarks.measurement import Measurement, Outcome, measure
+from benchmarks.measurement import Measurement, ToolAnswer, measure
 from mocca_robot.config.config import load
 from planners.cone_joints.designer import design
 from planners.robot.build_plan import build_plan
@@ -39,7 +39,7 @@ def plans(quick: bool = False, only: str | None = None) -> Iterator[Measurement]
         if (only and only not in name) or (quick and name not in QUICK):
             continue
 
-        def ours(name: str = name, cell_name: str = cell_name, size: float = size) -> Outcome:
+        def ours(name: str = name, cell_name: str = cell_name, size: float = size) -> ToolAnswer:
             config = load(ROOT / "configs" / f"{name}.yaml")
             made = design(config.assembly, config.joints, insertion=config.insertion).design
             cell = replace(read_cell(ROOT / "configs" / "cells" / f"{cell_name}.yaml"), build_size_m=size)
@@ -50,7 +50,7 @@ def plans(quick: bool = False, only: str | None = None) -> Iterator[Measurement]
             second = "no plan" if built.plan is None else f"second look: {len(wrong)} findings"
             lacking = f", not placed: {' '.join(missing)}" if missing else ""
             seconds = median(r.seconds for r in built.reports)
-            return Outcome(
+            return ToolAnswer(
                 f"{cell_name} {size:g} m: {len(built.reports) - len(missing)} of {len(built.reports)} parts, "
                 f"median {seconds:.2f} s a part, {second}{lacking}"
             )

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measurement import Measurement, Outcome, measure, side_by_side
+from benchmarks.measurement import Measurement, ToolAnswer, measure, side_by_side
 from benchmarks.statics import compile_now
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
@@ -41,7 +41,7 @@ def states(quick: bool = False, only: str | None = None) -> Iterator[Measurement
         yield measure("states", name, "ours", partial(_judged, assembly, contacts, cases, "interior_point"))
 
 
-def _judged(assembly: Assembly, contacts: Sequence[Contact], cases: Sequence[LoadCase], solver: str) -> Outcome:
+def _judged(assembly: Assembly, contacts: Sequence[Contact], cases: Sequence[LoadCase], solver: str) -> ToolAnswer:
     """Return the verdict of the last state, or how many of several stand, and the largest residual."""
     pairs, points, normals = contact_rays(contacts)
     results = []
@@ -62,4 +62,4 @@ def _judged(assembly: Assembly, contacts: Sequence[Contact], cases: Sequence[Loa
         results.append(result)
     standing = sum(r.stands for r in results)
     verdict = results[0].status.value if len(results) == 1 else f"{standing} of {len(results)} stand"
-    return Outcome(verdict, max(r.kkt for r in results))
+    return ToolAnswer(verdict, max(r.kkt for r in results))

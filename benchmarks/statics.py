@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from benchmarks.cases import KINDS, Case
-from benchmarks.measurement import Measurement, Outcome, side_by_side
+from benchmarks.measurement import Measurement, ToolAnswer, side_by_side
 from benchmarks.peers import available
 from mocca_robot.arrays import Array
 from mocca_robot.statics.equilibrium import equilibrium
@@ -43,16 +43,16 @@ def statics(quick: bool = False, only: str | None = None) -> Iterator[Measuremen
         _ = system.matrix  # made before anything is timed
         size = len(w) * len(c)
 
-        def ours(system: ContactSystem = system, w: Array = w) -> Outcome:
+        def ours(system: ContactSystem = system, w: Array = w) -> ToolAnswer:
             fresh = system.holding(system.free)
             fresh.__dict__["matrix"] = system.matrix  # the others are handed B as well
             return ours_again(fresh, w)
 
-        def ours_again(system: ContactSystem = system, w: Array = w) -> Outcome:
+        def ours_again(system: ContactSystem = system, w: Array = w) -> ToolAnswer:
             result = solve_system(system, w)
-            return Outcome(result.status.value, result.kkt)
+            return ToolAnswer(result.status.value, result.kkt)
 
-        tools: dict[str, Callable[[], Outcome]] = {"ours": ours, "ours, next load": ours_again}
+        tools: dict[str, Callable[[], ToolAnswer]] = {"ours": ours, "ours, next load": ours_again}
         for name, solver in available().items():
             if name == "daqp" and size > DENSE_LIMIT:
                 verdict = f"not tried: {8 * size / 1e9:.1f} GB dense"
@@ -83,14 +83,16 @@ def tilt_sweep(quick: bool = False, only: str | None = None) -> Iterator[Measure
         loads = [system.scaled(case.wrenches(a)) for a in angles]
         c = np.zeros(len(case.pairs))
 
-        def ours(system: ContactSystem = system, loads: list[Array] = loads, c: Array = c) -> Outcome:
+        def ours(system: ContactSystem = system, loads: list[Array] = loads, c: Array = c) -> ToolAnswer:
             motions, forces = solve_interior_point(system, np.array(loads), c)
             return _sweep(system, loads, list(zip(motions, forces, strict=True)))
 
-        def theirs(solver: Solver, system: ContactSystem = system, loads: list[Array] = loads, c: Array = c) -> Outcome:
+        def theirs(
+            solver: Solver, system: ContactSystem = system, loads: list[Array] = loads, c: Array = c
+        ) -> ToolAnswer:
             return _sweep(system, loads, [solver(system.matrix, w, c) for w in loads])
 
-        tools: dict[str, Callable[[], Outcome]] = {"ours": ours}
+        tools: dict[str, Callable[[], ToolAnswer]] = {"ours": ours}
         for tool, solver in available().items():
             if tool not in {"daqp", "highs"}:  # dense, and without Eq. 7's motion
                 tools[tool] = functools.partial(theirs, solver)
@@ -109,10 +111,10 @@ def compile_now() -> None:
         )
 
 
-def _sweep(system: ContactSystem, loads: list[Array], solutions: list[tuple[Array, Array]]) -> Outcome:
+def _sweep(system: ContactSystem, loads: list[Array], solutions: list[tuple[Array, Array]]) -> ToolAnswer:
     outcomes = [_outcome(system, w, v, f) for w, (v, f) in zip(loads, solutions, strict=True)]
     standing = sum(o.verdict == "equilibrium" for o in outcomes)
-    return Outcome(f"{standing} of {len(loads)} stand", max(o.kkt for o in outcomes))
+    return ToolAnswer(f"{standing} of {len(loads)} stand", max(o.kkt for o in outcomes))
 
 
 def friction(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
@@ -124,10 +126,10 @@ def friction(quick: bool = False, only: str | None = None) -> Iterator[Measureme
             continue
         for tilt in (0.0, 10.0):
             wrenches = case.wrenches(np.deg2rad(tilt))
-            tools: dict[str, Callable[[], Outcome]] = {}
+            tools: dict[str, Callable[[], ToolAnswer]] = {}
             for tool, solver in (("ours", "interior_point"), ("clarabel", "clarabel")):
 
-                def run(solver: str = solver, case: Case = case, wrenches: Array = wrenches) -> Outcome:
+                def run(solver: str = solver, case: Case = case, wrenches: Array = wrenches) -> ToolAnswer:
                     result = equilibrium(
                         case.pairs,
                         case.points,
@@ -140,7 +142,7 @@ def friction(quick: bool = False, only: str | None = None) -> Iterator[Measureme
                         solver=solver,
                     )
                     assert isinstance(result, EquilibriumResult)
-                    return Outcome(result.status.value, result.kkt)
+                    return ToolAnswer(result.status.value, result.kkt)
 
                 tools[tool] = run
             yield from side_by_side("friction", f"{case.name}-tilt{tilt:.0f}", tools, repeats=REPEATS)
@@ -154,10 +156,10 @@ def _cases(quick: bool, only: str | None) -> Iterator[Case]:
         yield KINDS[kind](blocks, samples)
 
 
-def _solved(solver: Solver, system: ContactSystem, w: Array) -> Outcome:
+def _solved(solver: Solver, system: ContactSystem, w: Array) -> ToolAnswer:
     return _outcome(system, w, *solver(system.matrix, w, np.zeros(len(system.pairs))))
 
 
-def _outcome(system: ContactSystem, w: Array, v: Array, f: Array) -> Outcome:
+def _outcome(system: ContactSystem, w: Array, v: Array, f: Array) -> ToolAnswer:
     residual, kkt = certificate(system.matrix, w, np.zeros(len(f)), v, f)
-    return Outcome(verdict(residual, kkt).value, kkt)
+    return ToolAnswer(verdict(residual, kkt).value, kkt)

@@ -90,7 +90,7 @@ def cause(
 
 
 @dataclass(frozen=True, eq=False)
-class Fall:
+class FallForces:
     """The forces that go with a fall.
 
     Attributes:
@@ -105,12 +105,14 @@ class Fall:
     opened: int
     rays: tuple[tuple[tuple[int, int], Array, Array], ...]
 
-    def only(self, pairs: Set[tuple[int, int]]) -> Fall:
+    def only(self, pairs: Set[tuple[int, int]]) -> FallForces:
         """Return the fall with forces between some pairs of parts only."""
         return replace(self, rays=tuple(r for r in self.rays if r[0] in pairs))
 
 
-def _falls(assembly: Assembly, contacts: Sequence[Contact], tilted: Compiled, found: StabilityReport) -> Iterator[Fall]:
+def _falls(
+    assembly: Assembly, contacts: Sequence[Contact], tilted: Compiled, found: StabilityReport
+) -> Iterator[FallForces]:
     """Yield the forces that go with the fall `found`, then those of the same fall with the sharpest step."""
     settings, ends = tilted.scene.settings, replace(LIMITS, fallen=LIMITS.told * LIMITS.moved)
     for step in (found.timestep, settings.timestep / SHARPEST):
@@ -133,7 +135,7 @@ def _falls(assembly: Assembly, contacts: Sequence[Contact], tilted: Compiled, fo
 
 def coulomb_rays(
     assembly: Assembly, contacts: Sequence[Contact], motion: Motion, friction: float, least: float
-) -> Fall | None:
+) -> FallForces | None:
     """Return the forces that go with a fall; None where its motion cannot be told well enough.
 
     Which contacts a fall opens is read from the rigid motion next to it, which Eq. 7 finds: parts do not enter each
@@ -163,7 +165,7 @@ def coulomb_rays(
         else:
             directions = normals[c] + friction * _around(normals[c])
         rays.append(((int(i[c]), int(j[c])), points[c], directions))
-    return Fall(moving, len(pairs) - len(rays), tuple(rays))
+    return FallForces(moving, len(pairs) - len(rays), tuple(rays))
 
 
 def pressed_pairs(compiled: Compiled) -> set[tuple[int, int]]:
@@ -231,7 +233,7 @@ def _velocity(motions: Array, about: Array, parts: IntArray, points: Array) -> A
     return np.asarray(motions[parts, :3] + np.cross(turn, lever))
 
 
-def holds(assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, fall: Fall) -> bool:
+def holds(assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, fall: FallForces) -> bool:
     """Return whether its forces hold the parts that fall, while the others stand."""
     directions = [d / np.linalg.norm(d, axis=1)[:, None] for _, _, d in fall.rays]
     pairs = np.array([pair for pair, _, d in fall.rays for _ in d], dtype=np.int64).reshape(-1, 2)

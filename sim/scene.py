@@ -21,7 +21,7 @@ MEMORY_LIMIT = 4 << 30
 
 
 @dataclass(frozen=True, eq=False)
-class Hand:
+class PushingHand:
     """A compliant hand that drives one part.
 
     Attributes:
@@ -55,7 +55,7 @@ class Scene:
     held: BoolArray
     gravity: Array
     settings: Settings
-    hand: Hand | None = None
+    hand: PushingHand | None = None
 
     @property
     def free(self) -> BoolArray:

@@ -19,7 +19,7 @@ SHORTEST_FALL_S = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class StabilityLimits:
     """When a part counts as moved, and a run as settled; lengths relative to the part's size.
 
     Attributes:
@@ -56,7 +56,7 @@ class Limits:
     finest_points: int = 1500
 
 
-LIMITS = Limits()
+LIMITS = StabilityLimits()
 
 
 class Verdict(StrEnum):
@@ -77,7 +77,7 @@ class StabilityReport:
         reason: for people; names what failed or which part moved farthest.
         moved: names of parts that moved by more than the limit, in assembly order.
         max_displacement: farthest displacement bound of any part, metres.
-        max_share: the same relative to the part's size: the margin to `Limits.moved`.
+        max_share: the same relative to the part's size: the margin to `StabilityLimits.moved`.
         final_speed: fastest part at the end, m/s.
         duration: simulated seconds.
         steps: of the simulation.
@@ -125,18 +125,18 @@ def free_scene(
     )
 
 
-def stability(scene: Scene, limits: Limits = LIMITS, doubted: bool = False) -> StabilityReport:
+def stability(scene: Scene, limits: StabilityLimits = LIMITS, doubted: bool = False) -> StabilityReport:
     """Return whether `scene` stands, by letting it go; see `confirmed` for `doubted`."""
     return judged(compile_scene(scene), limits, doubted)
 
 
-def judged(compiled: Compiled, limits: Limits = LIMITS, doubted: bool = False) -> StabilityReport:
+def judged(compiled: Compiled, limits: StabilityLimits = LIMITS, doubted: bool = False) -> StabilityReport:
     """Return the verdict on a compiled scene; the model can be used again. See `confirmed` for `doubted`."""
     return confirmed(compiled, at_once(compiled, limits), limits, doubted)
 
 
 def confirmed(
-    compiled: Compiled, found: StabilityReport, limits: Limits = LIMITS, doubted: bool = False
+    compiled: Compiled, found: StabilityReport, limits: StabilityLimits = LIMITS, doubted: bool = False
 ) -> StabilityReport:
     """Return the verdict on a scene of which `found` is what `at_once` says.
 
@@ -160,7 +160,9 @@ def confirmed(
     return _undoubted(compiled, first, found, limits) if doubted and limits.finer else found
 
 
-def _undoubted(compiled: Compiled, first: StabilityReport, fine: StabilityReport, limits: Limits) -> StabilityReport:
+def _undoubted(
+    compiled: Compiled, first: StabilityReport, fine: StabilityReport, limits: StabilityLimits
+) -> StabilityReport:
     """Return what remains of a fall by the finest step, or by how much slower it gets with finer ones."""
     if fine.verdict is not Verdict.FELL:
         return fine
@@ -187,11 +189,11 @@ def _finer(compiled: Compiled, divisor: float) -> Compiled:
     return with_timestep(compiled, settings.timestep / divisor, in_steps)
 
 
-def _ends_early(limits: Limits) -> Limits:
+def _ends_early(limits: StabilityLimits) -> StabilityLimits:
     return replace(limits, fallen=limits.told * limits.moved)
 
 
-def _creeps(compiled: Compiled, coarse: StabilityReport, fine: StabilityReport, limits: Limits) -> bool:
+def _creeps(compiled: Compiled, coarse: StabilityReport, fine: StabilityReport, limits: StabilityLimits) -> bool:
     """Return whether the same displacement takes longer in proportion to the number of steps."""
     factor = _creep_factor(fine.timestep, coarse.timestep)
     return _told_after(compiled, fine, limits) > factor * _told_after(compiled, coarse, limits)
@@ -201,7 +203,7 @@ def _creep_factor(few: float, many: float) -> float:
     return float(np.sqrt(many / few))
 
 
-def _told_after(compiled: Compiled, found: StabilityReport, limits: Limits) -> float:
+def _told_after(compiled: Compiled, found: StabilityReport, limits: StabilityLimits) -> float:
     """Return the seconds since it was let go until a part has moved tellingly; infinite when none has."""
     size = 2.0 * reach(compiled.scene.assembly)[found.motion.parts]
     share = (found.motion.displacement / size).max(axis=1) / (limits.told * limits.moved)
@@ -223,7 +225,7 @@ def _at_rest_in_the_limit(fine: StabilityReport, coarse: StabilityReport) -> Sta
     return replace(fine, verdict=Verdict.STANDS, reason=words, moved=())
 
 
-def _same_fall(coarse: StabilityReport, fine: StabilityReport, limits: Limits) -> bool:
+def _same_fall(coarse: StabilityReport, fine: StabilityReport, limits: StabilityLimits) -> bool:
     if not (coarse.verdict is fine.verdict is Verdict.FELL):
         return False
     slow = max(coarse.duration, fine.duration) - limits.gentle_s
@@ -233,7 +235,7 @@ def _same_fall(coarse: StabilityReport, fine: StabilityReport, limits: Limits) -
     )
 
 
-def at_once(compiled: Compiled, limits: Limits = LIMITS) -> StabilityReport:
+def at_once(compiled: Compiled, limits: StabilityLimits = LIMITS) -> StabilityReport:
     """Return what one run with the scene's own step says; a fall may be owed to contacts that give."""
     assembly = compiled.scene.assembly
     size = 2.0 * reach(assembly)[compiled.parts]
@@ -248,7 +250,7 @@ def at_once(compiled: Compiled, limits: Limits = LIMITS) -> StabilityReport:
     return report(assembly, motion, compiled.scene.settings.timestep, limits)
 
 
-def report(assembly: Assembly, motion: Motion, timestep: float, limits: Limits = LIMITS) -> StabilityReport:
+def report(assembly: Assembly, motion: Motion, timestep: float, limits: StabilityLimits = LIMITS) -> StabilityReport:
     """Return the verdict on a run with steps of `timestep` seconds that is over."""
     size = 2.0 * reach(assembly)[motion.parts]
     # The farthest a part has been: one that rocks back has let go all the same.

@@ -16,7 +16,7 @@ from mocca_robot.statics.solution import Status
 from sim.disagreement import cause
 from sim.scene import compile_scene
 from sim.shapes.contact_model import ContactModel
-from sim.stability import LIMITS, Limits, StabilityReport, Verdict, free_scene, judged
+from sim.stability import LIMITS, StabilityLimits, StabilityReport, Verdict, free_scene, judged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ def state_result(
     contacts: Sequence[Contact],
     case: LoadCase,
     friction: float = 0.0,
-    limits: Limits = LIMITS,
+    limits: StabilityLimits = LIMITS,
 ) -> StateResult:
     """Return both verdicts on one state of `mocca_robot.statics.loads.state_cases`."""
     scene = free_scene(assembly, model, present=case.present, held=case.held, gravity=case.gravity, friction=friction)

@@ -20,7 +20,7 @@ from sim.scene import Compiled, compile_scene, with_gravity
 from sim.shapes.contact_model import ContactModel, PairRays, facet_pairs, holding_model
 from sim.stability import (
     LIMITS,
-    Limits,
+    StabilityLimits,
     StabilityReport,
     Verdict,
     at_once,
@@ -30,7 +30,7 @@ from sim.stability import (
 )
 
 RESOLUTION, COARSE_RESOLUTION = np.deg2rad(0.1), np.deg2rad(0.5)
-"""Width at which the bisection ends; with more contact points than `Limits.finest_points` a run takes minutes."""
+"""Width at which the bisection ends; with more contact points than `finest_points` a run takes minutes."""
 DOUBTED_RESOLUTION = 2.5 * RESOLUTION
 """The same where every fall is confirmed by the finest step, which takes seconds."""
 HELD_BELOW_RAD = float(np.deg2rad(0.25))
@@ -109,7 +109,7 @@ def physical_tilt(
     contacts: Sequence[Contact],
     azimuth_rad: float,
     *,
-    limits: Limits = LIMITS,
+    limits: StabilityLimits = LIMITS,
     resolution_rad: float | None = None,
     guess_rad: float | None = None,
 ) -> TiltReport:

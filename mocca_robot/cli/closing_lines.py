@@ -11,7 +11,7 @@ from mocca_robot.assembly import Assembly
 from mocca_robot.cli import physics_evidence, reasons
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode, positive_if
-from mocca_robot.cli.stages import Outcome
+from mocca_robot.cli.stages import DesignOutcome
 from mocca_robot.report.summary import goal_words
 
 
@@ -27,7 +27,7 @@ def introduce(assembly: Assembly, contacts: int, console: Console) -> None:
 
 
 def conclude(
-    outcome: Outcome, console: Console, *, interrupted: bool = False, further: Mapping[str, Any] | None = None
+    outcome: DesignOutcome, console: Console, *, interrupted: bool = False, further: Mapping[str, Any] | None = None
 ) -> int:
     """Return the exit status after saying the verdicts, their evidence, the times and where the files are."""
     say_verdicts(outcome, console)
@@ -53,7 +53,7 @@ def conclude(
     return console.finish(status, {**document(outcome, supports), "interrupted": interrupted, **(further or {})})
 
 
-def say_verdicts(outcome: Outcome, console: Console) -> None:
+def say_verdicts(outcome: DesignOutcome, console: Console) -> None:
     """Say what statics, geometry and physics found."""
     design = outcome.design
     if design.source is not design.assembly:
@@ -107,7 +107,7 @@ def _critical_tilts(tilts: Sequence[Mapping[str, Any]]) -> str:
     return ", ".join(said)
 
 
-def document(outcome: Outcome, supports: tuple[str, ...]) -> dict[str, Any]:
+def document(outcome: DesignOutcome, supports: tuple[str, ...]) -> dict[str, Any]:
     """Return the outcome for JSON."""
     assembly = outcome.design.assembly
     simulation = outcome.simulation or {}

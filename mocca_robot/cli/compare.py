@@ -27,7 +27,7 @@ Its `CONE_JOINTS` is the name of the designed one.
 """
 
 
-class Joinery(Protocol):
+class JoinedParts(Protocol):
     """One way to join the same parts, before anybody has judged it: what `joineries` returns several of."""
 
     @property
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
     return console.finish(positive_if(not findings), document)
 
 
-def judged(joinery: Joinery) -> Variant:
+def judged(joinery: JoinedParts) -> Variant:
     """Return a variant with every verdict: statics, insertion, deadlock, tilt, and MuJoCo's on the finished state.
 
     Where a key is asked for, somebody holds it in physics too, and statics is asked about that state as well; such a

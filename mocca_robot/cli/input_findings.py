@@ -10,7 +10,7 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Interlocking
 from mocca_robot.cli import reasons
-from mocca_robot.cli.reasons import Finding
+from mocca_robot.cli.reasons import NegativeVerdict
 from mocca_robot.config.config import Config
 from mocca_robot.contacts.contact import Contact, ContactReport
 from mocca_robot.motion.insertion import insertion_verdicts
@@ -47,7 +47,7 @@ class Checkup:
     key: str | None
     key_mobility: Mobility | None
     mobility: Mobility
-    findings: tuple[Finding, ...]
+    findings: tuple[NegativeVerdict, ...]
 
 
 def checkup(config: Config, report: ContactReport, key: str | None, azimuths: int) -> Checkup:
@@ -67,7 +67,7 @@ def checkup(config: Config, report: ContactReport, key: str | None, azimuths: in
     findings = reasons.statics_findings(assembly, verification)
     if key is not None and held is not None and not held.locked and not any(f.case == "interlocking" for f in findings):
         text = f"Does not interlock: with '{key}' held, {reasons.quoted(held.moving)} can still move."
-        findings.append(Finding("loose", text, held.moving, "interlocking"))
+        findings.append(NegativeVerdict("loose", text, held.moving, "interlocking"))
     if anything.locked:
         findings.append(reasons.deadlock_finding(assembly))
     return Checkup(

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.assembly import Assembly, SupportFree
-from mocca_robot.cli.reasons import Finding, quoted
+from mocca_robot.cli.reasons import NegativeVerdict, quoted
 from mocca_robot.report.findings import because, is_below_bound
 from mocca_robot.tolerances import tilts_apart
 
 
-def simulation_findings(assembly: Assembly, simulation: Mapping[str, Any]) -> list[Finding]:
+def simulation_findings(assembly: Assembly, simulation: Mapping[str, Any]) -> list[NegativeVerdict]:
     """Return what physics holds against an assembly, from the data of simulation.json."""
-    found = [Finding("disagreement", text) for text in _disagreements(assembly, simulation)]
+    found = [NegativeVerdict("disagreement", text) for text in _disagreements(assembly, simulation)]
     states = simulation.get("states", ())
     required = states if any(isinstance(g, SupportFree) for g in assembly.goals) else states[-1:]
     if all(g.kind == "interlocking" for g in assembly.goals):
@@ -24,11 +24,11 @@ def simulation_findings(assembly: Assembly, simulation: Mapping[str, Any]) -> li
         if state["stable"] is False:
             moved = tuple(state["moved"])
             text = f"Does not stand in MuJoCo after placing '{state['placed']}': {quoted(moved)} moved."
-            found.append(Finding("falls", text, moved, f"state_{state['placed']}"))
+            found.append(NegativeVerdict("falls", text, moved, f"state_{state['placed']}"))
     for state in states:
         if state["stable"] is None:
             text = f"MuJoCo gave no verdict after placing '{state['placed']}': {state.get('reason', 'the run failed')}."
-            found.append(Finding("inaccurate", text, (), f"state_{state['placed']}"))
+            found.append(NegativeVerdict("inaccurate", text, (), f"state_{state['placed']}"))
     for entry in simulation.get("insertion", ()):
         inside, outside = entry["inside"], entry["outside"]
         failed = inside["trials"] - inside["succeeded"]
@@ -37,13 +37,13 @@ def simulation_findings(assembly: Assembly, simulation: Mapping[str, Any]) -> li
             jam = next((t for t in entry.get("trials", ()) if t["kind"] != "outside" and not t["succeeded"]), None)
             why = f" ({jam['reason']})" if jam is not None and reasons else ""
             text = f"'{entry['part']}' jams in {failed} of {inside['trials']} insertions inside its cone{why}."
-            found.append(Finding("jams", text, (entry["part"],)))
+            found.append(NegativeVerdict("jams", text, (entry["part"],)))
         if outside["succeeded"]:
             text = (
                 f"'{entry['part']}' goes in along {outside['succeeded']} of {outside['trials']} directions outside its "
                 "cone, which geometry says are blocked."
             )
-            found.append(Finding("disagreement", text, (entry["part"],)))
+            found.append(NegativeVerdict("disagreement", text, (entry["part"],)))
     return found
 
 

@@ -22,7 +22,7 @@ OVERLAP = {2: 1e-9, 3: 1e-6}
 
 
 @dataclass(frozen=True)
-class Finding:
+class NegativeVerdict:
     """A negative verdict.
 
     Attributes:
@@ -50,38 +50,38 @@ def degrees(angle_rad: float) -> str:
     return f"{np.rad2deg(angle_rad):.1f}°"
 
 
-def statics_findings(assembly: Assembly, verification: Verification, remedy: str = "") -> list[Finding]:
+def statics_findings(assembly: Assembly, verification: Verification, remedy: str = "") -> list[NegativeVerdict]:
     """Return what statics and geometry hold against an assembly."""
     found = [f for case in verification.cases if (f := case_finding(case, remedy)) is not None]
     found += [insertion_finding(i) for i in verification.insertions if not i.assemblable]
     return found
 
 
-def overlap_findings(assembly: Assembly, verification: Verification) -> list[Finding]:
+def overlap_findings(assembly: Assembly, verification: Verification) -> list[NegativeVerdict]:
     """Return that built parts penetrate each other. Input may do so within the tolerance of contacts."""
     limit = OVERLAP[assembly.dimension]
     if verification.part_overlap <= limit:
         return []
     share = verification.part_overlap
-    return [Finding("overlap", f"Built parts overlap by {share:.2g} of the smaller one; {limit:g} is allowed.")]
+    return [NegativeVerdict("overlap", f"Built parts overlap by {share:.2g} of the smaller one; {limit:g} is allowed.")]
 
 
-def case_finding(verdict: CaseVerdict, remedy: str = "") -> Finding | None:
+def case_finding(verdict: CaseVerdict, remedy: str = "") -> NegativeVerdict | None:
     """Return why a load case does not hold; None when it does."""
     if verdict.result.stands:
         return None
     name, words = verdict.case.name, case_words(verdict.case.name)
     if verdict.result.status == "inaccurate":
         text = f"Not decided ({words}): the solver's residual {verdict.result.kkt:.1g} is too large for a verdict."
-        return Finding("inaccurate", text, (), name)
+        return NegativeVerdict("inaccurate", text, (), name)
     text = (
         f"Does not stand ({words}): {quoted(verdict.moving)} would move, "
         f"E/|w|² = {verdict.result.infeasibility:.2g}.{f' {remedy}' if remedy else ''}"
     )
-    return Finding("falls", text, verdict.moving, name)
+    return NegativeVerdict("falls", text, verdict.moving, name)
 
 
-def insertion_finding(verdict: InsertionVerdict) -> Finding:
+def insertion_finding(verdict: InsertionVerdict) -> NegativeVerdict:
     """Return why a part cannot be inserted as asked."""
     by = f" by {quoted(verdict.blockers)}" if verdict.blockers else ""
     asked = "" if verdict.required_rad is None else f" within ±{degrees(verdict.required_rad)}"
@@ -91,16 +91,18 @@ def insertion_finding(verdict: InsertionVerdict) -> Finding:
         why = f"on its way it is hit{by}. Change the sequence, or its insertion direction"
     else:
         why = f"its way is narrowed to ±{degrees(max(verdict.alpha_rad, 0.0))}{by}"
-    return Finding("blocked", f"'{verdict.part}' cannot be inserted{asked}: {why}.", (verdict.part, *verdict.blockers))
+    return NegativeVerdict(
+        "blocked", f"'{verdict.part}' cannot be inserted{asked}: {why}.", (verdict.part, *verdict.blockers)
+    )
 
 
-def deadlock_finding(assembly: Assembly) -> Finding:
+def deadlock_finding(assembly: Assembly) -> NegativeVerdict:
     """Return that nothing can move."""
     text = "Deadlock: no part can move at all, so the structure can be neither assembled nor taken apart."
-    return Finding("deadlock", text, tuple(p.name for p in assembly.parts if not p.fixed))
+    return NegativeVerdict("deadlock", text, tuple(p.name for p in assembly.parts if not p.fixed))
 
 
-def design_findings(assembly: Assembly, designed: Designed) -> list[Finding]:
+def design_findings(assembly: Assembly, designed: Designed) -> list[NegativeVerdict]:
     """Return the certificates of a design run: what no joint within the bounds can do, with remedies."""
     found = []
     if designed.impossible is not None:
@@ -112,7 +114,7 @@ def design_findings(assembly: Assembly, designed: Designed) -> list[Finding]:
             f"{proof.infeasibility:.2g}. Steeper or higher joints (joints.max_slope_deg, joints.max_height) or another "
             "cut may help; α plays no part in it."
         )
-        found.append(Finding("impossible", text, moving, case))
+        found.append(NegativeVerdict("impossible", text, moving, case))
     for part in designed.narrow:
         room = f"at most ±{degrees(part.alpha_rad)}" if part.alpha_rad >= 0 else "no free direction"
         text = (
@@ -120,7 +122,7 @@ def design_findings(assembly: Assembly, designed: Designed) -> list[Finding]:
             f"{quoted(part.blockers)} leave {room}, and no joint can widen that. Place it earlier in the sequence, cut "
             "those contacts at another angle, or ask for a smaller alpha_deg."
         )
-        found.append(Finding("narrow", text, (part.part, *part.blockers)))
+        found.append(NegativeVerdict("narrow", text, (part.part, *part.blockers)))
     return found
 
 
@@ -158,6 +160,6 @@ def insertions_data(verdicts: Sequence[InsertionVerdict]) -> list[dict[str, Any]
     ]
 
 
-def findings_data(findings: Sequence[Finding]) -> list[dict[str, Any]]:
+def findings_data(findings: Sequence[NegativeVerdict]) -> list[dict[str, Any]]:
     """Return findings for JSON."""
     return [asdict(f) for f in findings]

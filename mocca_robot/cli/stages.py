@@ -16,7 +16,7 @@ from mocca_robot.assembly import Assembly
 from mocca_robot.cli import physics_evidence, reasons
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode
-from mocca_robot.cli.reasons import Finding
+from mocca_robot.cli.reasons import NegativeVerdict
 from mocca_robot.config.config import Config
 from mocca_robot.contacts.contact import ContactReport
 from mocca_robot.contacts.find import find_contacts, require_sound
@@ -43,7 +43,7 @@ HOLDS = 1e-12
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Outcome:
+class DesignOutcome:
     """A design with its verdicts; `design` holds the geometry as it was read back from the files.
 
     Attributes:
@@ -59,7 +59,7 @@ class Outcome:
     before: Verification
     after: Verification
     states: tuple[CaseVerdict, ...]
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[NegativeVerdict, ...] = ()
     files: dict[str, Path] = field(default_factory=dict)
     simulation: dict[str, Any] | None = None
 
@@ -210,9 +210,11 @@ def concluded(folder: Path) -> None:
     (folder / PROGRESS_FILE).unlink(missing_ok=True)
 
 
-def written(result: Designed, config: Config, folder: Path, console: Console) -> tuple[dict[str, Path], list[Finding]]:
+def written(
+    result: Designed, config: Config, folder: Path, console: Console
+) -> tuple[dict[str, Path], list[NegativeVerdict]]:
     """Return the files of a design, and what could not be drawn for cutting."""
-    problems: list[Finding] = []
+    problems: list[NegativeVerdict] = []
     with console.stage("write"):
         files = {"design": write_design(result.design, folder)}
         if config.assembly.dimension == 2:
@@ -222,13 +224,13 @@ def written(result: Designed, config: Config, folder: Path, console: Console) ->
                 files["cut_svg"] = write_cut_svg(result.design.assembly, folder / "cut.svg", config.cut)
                 files["cut_dxf"] = write_cut_dxf(result.design.assembly, folder / "cut.dxf", config.cut)
             except InputError as error:
-                problems.append(Finding("not_written", f"There is no cutting drawing: {error}"))
+                problems.append(NegativeVerdict("not_written", f"There is no cutting drawing: {error}"))
     return files, problems
 
 
 def verified(
-    folder: Path, result: Designed, files: dict[str, Path], problems: Sequence[Finding], console: Console
-) -> Outcome:
+    folder: Path, result: Designed, files: dict[str, Path], problems: Sequence[NegativeVerdict], console: Console
+) -> DesignOutcome:
     """Return the verdicts on what lies in `folder`, read back from the files alone, after those of the design."""
     with console.stage("verify"):
         stored = read_design(folder)
@@ -244,7 +246,7 @@ def verified(
     return replace(outcome, findings=(*findings, *problems), files=files)
 
 
-def judged(path: Path, console: Console) -> Outcome:
+def judged(path: Path, console: Console) -> DesignOutcome:
     """Return the verdicts on a stored design; a note says why its joints cannot be shown, where they cannot."""
     with console.stage("verify"):
         stored = read_design(path)
@@ -256,7 +258,7 @@ def judged(path: Path, console: Console) -> Outcome:
     return replace(outcome, design=design)
 
 
-def judged_as_is(config: Config, contacts: ContactReport, console: Console) -> Outcome:
+def judged_as_is(config: Config, contacts: ContactReport, console: Console) -> DesignOutcome:
     """Return the verdicts on an assembly without design; its joints are its contacts."""
     joints = tuple(planar(c) for c in contacts.contacts)
     ways = tuple(Insertion(part, way, 0.0) for part, way in config.insertion.items())
@@ -287,7 +289,7 @@ def _design_of(stored: StoredDesign) -> Design:
     )
 
 
-def _judged(design: Design) -> Outcome:
+def _judged(design: Design) -> DesignOutcome:
     directions = {i.part: i.direction for i in design.insertion}
     after = verify(design.assembly, directions=directions)
     before = after if design.source is design.assembly else verify(design.source)
@@ -298,10 +300,12 @@ def _judged(design: Design) -> Outcome:
     # Whatever can be inserted last can also leave: only then is the question open.
     if after.insertions and not after.insertions[-1].assemblable and mobility(design.assembly, after.contacts).locked:
         findings.append(reasons.deadlock_finding(design.assembly))
-    return Outcome(design=design, before=before, after=after, states=states, findings=tuple(findings))
+    return DesignOutcome(design=design, before=before, after=after, states=states, findings=tuple(findings))
 
 
-def simulated(outcome: Outcome, questions: Questions, folder: Path, console: Console) -> tuple[Outcome, bool]:
+def simulated(
+    outcome: DesignOutcome, questions: Questions, folder: Path, console: Console
+) -> tuple[DesignOutcome, bool]:
     """Return the outcome with physics' verdicts, written to simulation.json, and whether Ctrl-C cut it short.
 
     Finished trials are kept in trials.jsonl, so that the same command goes on where it was interrupted.
@@ -328,7 +332,9 @@ def simulated(outcome: Outcome, questions: Questions, folder: Path, console: Con
     return replace(outcome, simulation=data, findings=findings, files=files), found.interrupted
 
 
-def reported(outcome: Outcome, config: Config, folder: Path, console: Console, friction: float = 0.0) -> Outcome:
+def reported(
+    outcome: DesignOutcome, config: Config, folder: Path, console: Console, friction: float = 0.0
+) -> DesignOutcome:
     """Return the outcome with its report written."""
     from mocca_robot.report.data import collect
     from mocca_robot.report.page import write_report

@@ -49,7 +49,7 @@ def read_dxf(path: Path, units: str | None = None, scale: float = 1.0, thickness
     where = f"'{path}'"
     document = _document(path, where)
     unit = _unit(document, units, where)
-    walker = _Walker(document, where)
+    walker = _BlockWalker(document, where)
     try:
         walker.walk(document.modelspace(), None, 0)
     except (ezdxf.DXFError, *BROKEN) as error:
@@ -114,7 +114,7 @@ def _unit(document: Any, declared: str | None, where: str) -> str:
     return known
 
 
-class _Walker:
+class _BlockWalker:
     """Sorts what a drawing shows into groups; blocks inside blocks are followed to a bounded depth and number."""
 
     def __init__(self, document: Any, where: str) -> None:

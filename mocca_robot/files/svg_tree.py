@@ -53,7 +53,7 @@ def parse_xml(text: str, where: str) -> ET.Element:
 
 def outlines(root: ET.Element, where: str) -> tuple[list[Outline], tuple[str, ...]]:
     """Return the visible shapes of a drawing in document order, and a note for each kind of thing left out."""
-    walker = _Walker(root, where)
+    walker = _ElementWalker(root, where)
     found = list(walker.walk(root, np.eye(2, 3), 0))
     notes = tuple(
         f"{where}: {count} <{tag}> left out (only outlines become parts)" for tag, count in walker.left_out.items()
@@ -61,7 +61,7 @@ def outlines(root: ET.Element, where: str) -> tuple[list[Outline], tuple[str, ..
     return found, notes
 
 
-class _Walker:
+class _ElementWalker:
     def __init__(self, root: ET.Element, where: str) -> None:
         self.where = where
         self.seen = 0

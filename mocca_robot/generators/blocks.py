@@ -12,7 +12,7 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Mesh, Part
 from mocca_robot.errors import InputError
-from mocca_robot.generators.parameters import Parameters
+from mocca_robot.generators.parameters import GeneratorParameters
 
 STACK: dict[str, Any] = {
     "count": 5,
@@ -50,7 +50,7 @@ def stack(given: Mapping[str, Any], _folder: Path) -> Assembly:
     """Return `count` equal blocks of `size` [x, y, z] (m), each shifted in x by `shift` of its length against the
     one below, the whole tilted about y by `tilt_deg`. The lowest block is fixed.
     """
-    p = Parameters("stack", given, STACK)
+    p = GeneratorParameters("stack", given, STACK)
     x, y, z = _size(p)
     step = p.at_least("shift", -1.0, 1.0) * x
     turn = _tilt(p)
@@ -65,7 +65,7 @@ def wall(given: Mapping[str, Any], _folder: Path) -> Assembly:
     """Return a wall in running bond: `courses` × `columns` bricks of `size` [x, y, z] (m), half bricks at the ends
     of every second course, the whole tilted about x by `tilt_deg`. The lowest course is fixed.
     """
-    p = Parameters("wall", given, WALL)
+    p = GeneratorParameters("wall", given, WALL)
     x, y, z = _size(p)
     columns = p.count("columns", 1, 500)
     turn = _tilt(p, about_x=True)
@@ -88,7 +88,7 @@ def arch(given: Mapping[str, Any], _folder: Path) -> Assembly:
     about the top. `radius` is that of the centre line, `thickness` radial, `width` along y (m). The springers, the
     first and the last voussoir, are fixed; the others come from both sides, the keystone last.
     """
-    p = Parameters("arch", given, ARCH)
+    p = GeneratorParameters("arch", given, ARCH)
     count = p.count("voussoirs", 3, 1000)
     radius, thickness = p.number("radius", 1e-4, 1e3), p.number("thickness", 1e-5, 1e3)
     width, span = p.number("width", 1e-5, 1e3), np.deg2rad(p.number("span_deg", 1.0, 350.0))
@@ -120,14 +120,14 @@ def _grid(x: list[float], y: list[float], z: list[float]) -> Array:
     return np.array([[a, b, c] for c in z for b in y for a in x])
 
 
-def _size(p: Parameters) -> list[float]:
+def _size(p: GeneratorParameters) -> list[float]:
     size = p.vector("size", 3)
     if min(size) <= 0:
         raise InputError(f"{p.kind}.size is {size}; all three lengths must be greater than zero.")
     return size
 
 
-def _tilt(p: Parameters, about_x: bool = False) -> Array:
+def _tilt(p: GeneratorParameters, about_x: bool = False) -> Array:
     angle = np.deg2rad(p.at_least("tilt_deg", -80.0, 80.0))
     c, s = np.cos(angle), np.sin(angle)
     turn = [[1, 0, 0], [0, c, -s], [0, s, c]] if about_x else [[c, 0, s], [0, 1, 0], [-s, 0, c]]

@@ -12,7 +12,7 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Part
 from mocca_robot.errors import InputError
-from mocca_robot.generators.parameters import Parameters
+from mocca_robot.generators.parameters import GeneratorParameters
 from mocca_robot.generators.surface import Surface, thicken
 
 DEFAULTS: dict[str, Any] = {
@@ -53,7 +53,7 @@ def dome(given: Mapping[str, Any], _folder: Path) -> Assembly:
     in blocks; `snap`: joints closer than this share of a block to one below are put above it (no slivers);
     `door_deg` × `door_rings`: a doorway around azimuth −90°.
     """
-    p = Parameters("dome", given, DEFAULTS)
+    p = GeneratorParameters("dome", given, DEFAULTS)
     base, top = np.deg2rad(p.number("base_deg", 5, 120.0)), np.deg2rad(p.number("top_deg", 0.0, 90.0))
     blocks = p.counts("blocks", 3)
     p.require_few(sum(blocks))

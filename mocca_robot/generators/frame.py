@@ -13,7 +13,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Mesh, Part
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
-from mocca_robot.generators.parameters import REQUIRED, Parameters
+from mocca_robot.generators.parameters import REQUIRED, GeneratorParameters
 
 LARGEST = 1e9
 """Coordinates beyond leave no digits for the rods' sections."""
@@ -40,7 +40,7 @@ def frame(given: Mapping[str, Any], folder: Path) -> Assembly:
     that lie further along it than along any other rod there, so that two rods share the plane that bisects them.
     Rods with an end within `ground` × height of the lowest node are fixed and end level with it.
     """
-    p = Parameters("frame", given, DEFAULTS)
+    p = GeneratorParameters("frame", given, DEFAULTS)
     from mocca_robot.files.meshes import METRES_PER
 
     nodes, rods, names = read_lines(folder / p.text("lines"))

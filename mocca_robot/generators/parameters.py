@@ -13,7 +13,7 @@ REQUIRED = object()
 MAX_PARTS = 5000
 
 
-class Parameters:
+class GeneratorParameters:
     """The parameters of one generator; raises InputError for unknown keys when made.
 
     `defaults` maps every known key to its default value, or to REQUIRED.

@@ -12,7 +12,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Part
 from mocca_robot.errors import InputError
 from mocca_robot.generators.bond import running_bond_quads
-from mocca_robot.generators.parameters import REQUIRED, Parameters
+from mocca_robot.generators.parameters import REQUIRED, GeneratorParameters
 from mocca_robot.generators.surface import Surface, planar_directions, thicken
 
 DEFAULTS: dict[str, Any] = {
@@ -36,7 +36,7 @@ def shell(given: Mapping[str, Any], folder: Path) -> Assembly:
     half a block. Vertex normals in the file are the directions of the thickness to start from. Raises InputError
     when a wall between two blocks cannot be made flat within `flatness` × the surface's size: where, by how much.
     """
-    p = Parameters("shell", given, DEFAULTS)
+    p = GeneratorParameters("shell", given, DEFAULTS)
     from mocca_robot.files.meshes import METRES_PER
     from mocca_robot.files.obj import read_obj
 

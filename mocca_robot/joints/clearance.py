@@ -63,7 +63,7 @@ def height_limits(
     start = 0
     while start < len(order):
         some = order[start : start + max(1, CHUNK // (len(_SAMPLES) * int(load[order[start]])))]
-        obstacles = _Obstacles.of([faces[r] for r in some], [neighbours[r] for r in some], rectangles)
+        obstacles = _Facing.of([faces[r] for r in some], [neighbours[r] for r in some], rectangles)
         room[some] = _room(obstacles, rectangles, joint[some], travel[some], margins[joint[some]], lean)
         start += len(some)
     room = np.minimum(room, assembly.size)
@@ -80,7 +80,7 @@ def _other_faces(assembly: Assembly, part: int, contact: Contact) -> Array:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Obstacles:
+class _Facing:
     """What n bumps keep away from, padded to the same number for each.
 
     Attributes:
@@ -101,7 +101,7 @@ class _Obstacles:
     rectangle: BoolArray
 
     @classmethod
-    def of(cls, faces: Sequence[Array], neighbours: Sequence[IntArray], rectangles: Rectangles) -> _Obstacles:
+    def of(cls, faces: Sequence[Array], neighbours: Sequence[IntArray], rectangles: Rectangles) -> _Facing:
         """Return the obstacles of n bumps: triangles (F, 3, 3) and indices of rectangles for each."""
         most = max(1, *(len(f) for f in faces))
         corners, face = np.zeros((len(faces), most, 3, 3)), np.zeros((len(faces), most), dtype=np.bool_)
@@ -167,7 +167,7 @@ def _to_rectangle(local: Array, sides: Array) -> Array:
 
 
 def _room(
-    obstacles: _Obstacles, rectangles: Rectangles, own: IntArray, travel: Array, margin: Array, lean: float
+    obstacles: _Facing, rectangles: Rectangles, own: IntArray, travel: Array, margin: Array, lean: float
 ) -> Array:
     """Return (n,) how high the bumps of joints `own` may rise along `travel` (n, 3).
 

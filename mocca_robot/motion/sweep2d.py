@@ -80,7 +80,7 @@ def _polygon(assembly: Assembly, part: int) -> Polygon:
 
 
 @dataclass(frozen=True, eq=False)
-class _Obstacles:
+class _Cores:
     """What lies deeper inside each of N parts than parts at rest may overlap.
 
     Attributes:
@@ -108,7 +108,7 @@ class _Obstacles:
 
 
 @lru_cache(maxsize=4)
-def _obstacles(assembly: Assembly) -> _Obstacles:
+def _obstacles(assembly: Assembly) -> _Cores:
     """Return the obstacles of an assembly; kept, since every part of it is swept against the earlier ones."""
     shapes = np.array([to_shapely(_polygon(assembly, k)) for k in range(len(assembly.parts))])
     cores = shapely.buffer(shapes, -depth(assembly), join_style="mitre")
@@ -116,7 +116,7 @@ def _obstacles(assembly: Assembly) -> _Obstacles:
     first = np.searchsorted(owner, np.arange(len(cores) + 1))
     bounds = np.array([_polygon(assembly, k).bounds for k in range(len(assembly.parts))])
     middle = bounds.mean(axis=1)
-    return _Obstacles(cores, corners, first, middle, 0.5 * np.linalg.norm(bounds[:, 1] - bounds[:, 0], axis=1))
+    return _Cores(cores, corners, first, middle, 0.5 * np.linalg.norm(bounds[:, 1] - bounds[:, 0], axis=1))
 
 
 def _entered(polygon: Polygon, travel: Array) -> NDArray[np.object_]:

@@ -11,10 +11,10 @@ from typing import Protocol
 
 from mocca_robot.arrays import Array
 from mocca_robot.plan.gripper import Grip
-from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Plan
 from mocca_robot.plan.pose import Six, Three
-from mocca_robot.plan.status import ArmState, Outcome
+from mocca_robot.plan.status import ArmState, MotionOutcome
 from mocca_robot.plan.supervision import Stopped
 
 
@@ -27,7 +27,7 @@ class Arm(Protocol):
         ...
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> MotionLimits:
         """What no motion may exceed."""
         ...
 
@@ -35,7 +35,7 @@ class Arm(Protocol):
         """Return the seconds on the clock that deadlines are kept by."""
         ...
 
-    def preflight(self, plan: Plan, first_step: int) -> Outcome:
+    def preflight(self, plan: Plan, first_step: int) -> MotionOutcome:
         """Return SUCCEEDED if the plan may start at `first_step` right now, else REFUSED with value, limit, remedy."""
         ...
 
@@ -77,7 +77,7 @@ class Arm(Protocol):
         """Move the fingers to an opening, or switch the vacuum, and return what they really did."""
         ...
 
-    def halt(self, stop: Stopped) -> Outcome:
+    def halt(self, stop: Stopped) -> MotionOutcome:
         """Stop the arm for the reason in `stop`, and return that with its evidence: was standstill measured?"""
         ...
 

@@ -8,7 +8,7 @@ from typing import Any
 from mocca_robot.plan.gripper import undrivable
 from mocca_robot.plan.plan import Move, Plan, Waypoint
 from mocca_robot.plan.pose import Six, distance_m
-from mocca_robot.plan.safety import Finding, findings
+from mocca_robot.plan.safety import PlanFinding, findings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class DryRun:
     first_step: int
     rows: tuple[Row, ...]
     seconds: tuple[float, ...]
-    findings: tuple[Finding, ...]
+    findings: tuple[PlanFinding, ...]
 
     def text(self) -> str:
         """Return the dry run as a table for a terminal."""

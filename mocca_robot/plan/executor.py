@@ -12,7 +12,7 @@ from mocca_robot.plan.insertion_skill import insert
 from mocca_robot.plan.journal import utc_now
 from mocca_robot.plan.motions import Motions
 from mocca_robot.plan.plan import Move, MoveKind, Plan, Step
-from mocca_robot.plan.status import ExecutionEvent, ExecutionStatus, Outcome
+from mocca_robot.plan.status import ExecutionEvent, ExecutionStatus, MotionOutcome
 
 GUARDED = frozenset({MoveKind.APPROACH, MoveKind.PICK})
 ZEROED = frozenset({MoveKind.TRANSIT, MoveKind.APPROACH, MoveKind.INSERT})
@@ -91,15 +91,15 @@ def execute(
     return Execution(outcome.status, outcome.detail, finished, tuple(record.events))
 
 
-def _run_step(plan: Plan, index: int, arm: Motions, record: _Recorder) -> Outcome:
+def _run_step(plan: Plan, index: int, arm: Motions, record: _Recorder) -> MotionOutcome:
     step = plan.steps[index]
-    outcome = Outcome(ExecutionStatus.SUCCEEDED)
+    outcome = MotionOutcome(ExecutionStatus.SUCCEEDED)
     for k, move in enumerate(step.moves):
         record(
             ExecutionEvent(time_utc=utc_now(), event="move_started", step=index, part=step.part, move=k, kind=move.kind)
         )
 
-        def note(event: str, outcome: Outcome, attempt: int | None = None, grip: Grip | None = None) -> None:
+        def note(event: str, outcome: MotionOutcome, attempt: int | None = None, grip: Grip | None = None) -> None:
             record(_event(event, outcome, index, step.part, k, move.kind, attempt, grip))  # noqa: B023 - called at once
 
         outcome = _run_move(plan, step, move, arm, note)
@@ -108,10 +108,10 @@ def _run_step(plan: Plan, index: int, arm: Motions, record: _Recorder) -> Outcom
     return outcome
 
 
-def _run_move(plan: Plan, step: Step, move: Move, arm: Motions, note: Callable[..., None]) -> Outcome:
+def _run_move(plan: Plan, step: Step, move: Move, arm: Motions, note: Callable[..., None]) -> MotionOutcome:
     """Return how one move ended; `note` writes what happened, intermediate results included."""
     limits = plan.cell.limits
-    outcome, grip = Outcome(ExecutionStatus.SUCCEEDED), None
+    outcome, grip = MotionOutcome(ExecutionStatus.SUCCEEDED), None
     if move.kind in ZEROED:
         outcome = arm.zero_force()
     if outcome.succeeded and move.kind is MoveKind.INSERT:
@@ -125,7 +125,7 @@ def _run_move(plan: Plan, step: Step, move: Move, arm: Motions, note: Callable[.
     return outcome
 
 
-def _grip(plan: Plan, step: Step, move: Move, arm: Motions) -> tuple[Outcome, Grip]:
+def _grip(plan: Plan, step: Step, move: Move, arm: Motions) -> tuple[MotionOutcome, Grip]:
     """Take a part and see that it is held, or see that it was let go; then say what is carried."""
     outcome, grip = arm.grip(move.gripper_m, step.grasp.force_n)
     if not outcome.succeeded:
@@ -137,23 +137,23 @@ def _grip(plan: Plan, step: Step, move: Move, arm: Motions) -> tuple[Outcome, Gr
             if grip.width_m is not None:
                 found = f"{1e3 * grip.width_m:.1f} mm"
                 detail = f"part missing: the fingers closed to {found}, the part is {1e3 * grasp.width_m:.1f} mm wide"
-            return Outcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
+            return MotionOutcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
         mass = cell.tool_mass_kg + grasp.mass_kg
         both = zip(cell.tool_cog_m, grasp.cog_m, strict=True)
         x, y, z = ((cell.tool_mass_kg * a + grasp.mass_kg * b) / max(mass, 1e-9) for a, b in both)
         return arm.set_payload(mass, (x, y, z)), grip
     if grip.width_m is not None and grip.width_m < move.gripper_m - cell.limits.grip_tolerance_m:
         detail = f"the fingers opened to {1e3 * grip.width_m:.1f} mm, commanded {1e3 * move.gripper_m:.1f} mm"
-        return Outcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
+        return MotionOutcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
     if grip.vacuum:
         detail = "the cup does not let go: there is still vacuum under it"
-        return Outcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
+        return MotionOutcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
     return arm.set_payload(cell.tool_mass_kg, cell.tool_cog_m), grip
 
 
 def _event(
     event: str,
-    outcome: Outcome,
+    outcome: MotionOutcome,
     step: int | None = None,
     part: str | None = None,
     move: int | None = None,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from mocca_robot.errors import InputError
-from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Plan
 from mocca_robot.plan.status import ArmState
 
@@ -50,7 +50,7 @@ class Gripper(Protocol):
         ...
 
 
-def holds(grip: Grip, width_m: float, limits: Limits) -> bool | None:
+def holds(grip: Grip, width_m: float, limits: MotionLimits) -> bool | None:
     """Return whether a part of `width_m` is held: vacuum, or fingers stopped by it; None when nothing was measured."""
     if grip.width_m is None:
         return grip.vacuum

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mocca_robot.arrays import Array
-from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Waypoint
 from mocca_robot.plan.pose import angle_rad, distance_m
 from mocca_robot.plan.status import ArmState, ExecutionStatus
@@ -33,7 +33,7 @@ STILL_RAD_S = 0.01
 
 
 def check_forces(
-    state: ArmState, bias: Array, limits: Limits, force_limit_n: float, contact_force_n: float | None
+    state: ArmState, bias: Array, limits: MotionLimits, force_limit_n: float, contact_force_n: float | None
 ) -> None:
     """Stop above the motion's force limit, the torque limit, or (if any) the force that means contact."""
     felt = np.subtract(state.force, bias)
@@ -47,7 +47,7 @@ def check_forces(
         raise Stopped(ExecutionStatus.CONTACT, f"{force:.1f} N, contact at {contact_force_n:g} N", state)
 
 
-def check_path(state: ArmState, trail: Sequence[Array], limits: Limits) -> None:
+def check_path(state: ArmState, trail: Sequence[Array], limits: MotionLimits) -> None:
     """Stop when the tool is far from every place (3,) commanded lately: lagging is allowed, straying is not."""
     gap = float(np.linalg.norm(np.array(trail) - np.array(state.tcp[:3]), axis=1).min())
     if gap > limits.tracking_distance_m:
@@ -55,7 +55,7 @@ def check_path(state: ArmState, trail: Sequence[Array], limits: Limits) -> None:
         raise Stopped(ExecutionStatus.DEVIATED, f"{1e3 * gap:.1f} mm off the path, limit {limit:g} mm", state)
 
 
-def check_start(state: ArmState, first: Waypoint, limits: Limits) -> None:
+def check_start(state: ArmState, first: Waypoint, limits: MotionLimits) -> None:
     """Stop when the arm is too far from a path's first waypoint to be led onto it."""
     gap, far = float(np.abs(np.subtract(state.q, first.q)).max()), distance_m(state.tcp, first.tcp)
     if gap > limits.joint_step_rad or far > limits.tracking_distance_m:
@@ -67,7 +67,7 @@ def check_start(state: ArmState, first: Waypoint, limits: Limits) -> None:
         )
 
 
-def arrived(state: ArmState, goal: Waypoint, limits: Limits) -> bool:
+def arrived(state: ArmState, goal: Waypoint, limits: MotionLimits) -> bool:
     """Return whether the arm stands still at a waypoint, as closely as a next motion asks for."""
     return (
         float(np.abs(np.subtract(state.q, goal.q)).max()) <= limits.start_joint_rad
@@ -79,7 +79,7 @@ def arrived(state: ArmState, goal: Waypoint, limits: Limits) -> bool:
 class PushGuard:
     """The guard of one push from `start` along `axis` (3,) over `wanted_m`; `depth_m` is what was measured last."""
 
-    def __init__(self, start: ArmState, axis: Array, wanted_m: float, bias: Array, limits: Limits) -> None:
+    def __init__(self, start: ArmState, axis: Array, wanted_m: float, bias: Array, limits: MotionLimits) -> None:
         self.start = start
         self.axis = axis
         self.wanted_m = wanted_m

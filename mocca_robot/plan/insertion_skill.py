@@ -12,18 +12,18 @@ from dataclasses import replace
 import numpy as np
 
 from mocca_robot.arrays import Array
-from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.motions import Motions
 from mocca_robot.plan.plan import Move, Step, Waypoint, insertion_axis
-from mocca_robot.plan.status import ArmState, ExecutionStatus, Outcome
+from mocca_robot.plan.status import ArmState, ExecutionStatus, MotionOutcome
 
 RETRYABLE = frozenset({ExecutionStatus.JAMMED, ExecutionStatus.TRAVEL_LIMIT})
 BRIDGE_POINTS = 8
 
 
 def insert(
-    arm: Motions, step: Step, move: Move, limits: Limits, note: Callable[..., None], at: ArmState | None = None
-) -> Outcome:
+    arm: Motions, step: Step, move: Move, limits: MotionLimits, note: Callable[..., None], at: ArmState | None = None
+) -> MotionOutcome:
     """Return how the insertion of `step`'s part ended: SUCCEEDED by measured depth, or why the last attempt failed.
 
     The first attempt runs along the move's own path; up to `limits.retries` more along its alternatives, in their
@@ -32,7 +32,7 @@ def insert(
     pushes less or more, so that the part ends where it belongs. Depths in outcomes count from the path's start.
     """
     paths: Sequence[Sequence[Waypoint]] = (move.path, *move.alternatives)
-    outcome = Outcome(ExecutionStatus.SUCCEEDED)
+    outcome = MotionOutcome(ExecutionStatus.SUCCEEDED)
     for attempt in range(1 + limits.retries):
         path = paths[attempt % len(paths)]
         axis, depth = insertion_axis(path)
@@ -72,7 +72,7 @@ def _retreat(path: Sequence[Waypoint], depth_m: float) -> tuple[Waypoint, ...]:
     return tuple(way) if way else (Waypoint(0.0, path[0].q, path[0].tcp),)
 
 
-def _bridge(a: Waypoint, b: Waypoint, limits: Limits) -> tuple[Waypoint, ...]:
+def _bridge(a: Waypoint, b: Waypoint, limits: MotionLimits) -> tuple[Waypoint, ...]:
     """Return a slow joint-space way between two starts of insertion, which lie within the cone's mouth."""
     far = float(np.linalg.norm(np.subtract(b.tcp[:3], a.tcp[:3])))
     turn = float(np.abs(np.subtract(b.q, a.q)).max())

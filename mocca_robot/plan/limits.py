@@ -15,7 +15,7 @@ from mocca_robot.errors import InputError, nearest
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class MotionLimits:
     """Caps of one cell. SI units; a plan or configuration can lower each, never raise it above `HARD_CAPS`."""
 
     transfer_speed_m_s: float = 0.10
@@ -55,7 +55,7 @@ class Limits:
     watchdog_hz: float = 5.0
     """The controller stops the program when it hears nothing for one period: the link or this process died."""
 
-    def lowered(self, values: Mapping[str, object], where: str = "") -> Limits:
+    def lowered(self, values: Mapping[str, object], where: str = "") -> MotionLimits:
         """Return these limits with some lowered; InputError for an unknown name, a non-number or a raise, which
         names the file or section `where` the values stand.
         """
@@ -84,11 +84,11 @@ class Limits:
 
     def changed(self) -> dict[str, float]:
         """Return the limits that differ from the defaults: what a plan file has to record."""
-        default = asdict(Limits())
+        default = asdict(MotionLimits())
         return {name: value for name, value in asdict(self).items() if value != default[name]}
 
 
-HARD_CAPS = replace(Limits(), abort_force_n=40.0)
+HARD_CAPS = replace(MotionLimits(), abort_force_n=40.0)
 """No configuration exceeds these; only the abort force has room above its default (25 N)."""
 
 RAISE_IS_SAFER = frozenset({"watchdog_hz"})

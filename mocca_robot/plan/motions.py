@@ -19,7 +19,7 @@ from mocca_robot.plan.guards import SEATING_PACE, PushGuard, arrived, check_forc
 from mocca_robot.plan.plan import Waypoint
 from mocca_robot.plan.pose import Three, distance_m
 from mocca_robot.plan.push_frame import frame_along
-from mocca_robot.plan.status import ArmState, ExecutionStatus, Outcome
+from mocca_robot.plan.status import ArmState, ExecutionStatus, MotionOutcome
 from mocca_robot.plan.supervision import Stopped
 
 LEAD_IN_S = 0.5
@@ -42,23 +42,23 @@ class Motions:
         self.speed = speed
         self._bias = np.zeros(6)
 
-    def set_payload(self, mass_kg: float, cog_m: Three) -> Outcome:
+    def set_payload(self, mass_kg: float, cog_m: Three) -> MotionOutcome:
         """Set what the arm carries and read it back; REFUSED when the controller does not take it over."""
 
-        def motion() -> Outcome:
+        def motion() -> MotionOutcome:
             self.arm.set_payload(mass_kg, cog_m)
             state = self._settle(0.1)
             if abs(state.payload_kg - mass_kg) > 1e-3:
                 detail = f"payload reads back as {state.payload_kg:.3f} kg after setting {mass_kg:.3f} kg"
-                return Outcome(ExecutionStatus.REFUSED, detail, state)
-            return Outcome(ExecutionStatus.SUCCEEDED, "", state)
+                return MotionOutcome(ExecutionStatus.REFUSED, detail, state)
+            return MotionOutcome(ExecutionStatus.SUCCEEDED, "", state)
 
         return self._supervised(motion)
 
-    def zero_force(self) -> Outcome:
+    def zero_force(self) -> MotionOutcome:
         """Pause, zero the sensor, and take what it then shows as the bias; REFUSED when that is still large."""
 
-        def motion() -> Outcome:
+        def motion() -> MotionOutcome:
             self._settle(0.2)
             self.arm.zero_force()
             state = self._settle(0.1)
@@ -68,29 +68,29 @@ class Motions:
                 detail = (
                     f"the hand feels {size:.1f} N where it should hang free, limit {self.limits.contact_force_n:g} N"
                 )
-                return Outcome(ExecutionStatus.REFUSED, detail, state)
-            return Outcome(ExecutionStatus.SUCCEEDED, "", state)
+                return MotionOutcome(ExecutionStatus.REFUSED, detail, state)
+            return MotionOutcome(ExecutionStatus.SUCCEEDED, "", state)
 
         return self._supervised(motion)
 
-    def grip(self, width_m: float, force_n: float) -> tuple[Outcome, Grip]:
+    def grip(self, width_m: float, force_n: float) -> tuple[MotionOutcome, Grip]:
         """Move the fingers, or switch the vacuum, while the arm stands still; return what they really did, too."""
         found = [Grip(None, None)]
 
-        def motion() -> Outcome:
+        def motion() -> MotionOutcome:
             found[0] = self.arm.grip(width_m, force_n)
-            return Outcome(ExecutionStatus.SUCCEEDED, "", self.arm.watch())
+            return MotionOutcome(ExecutionStatus.SUCCEEDED, "", self.arm.watch())
 
         return self._supervised(motion), found[0]
 
-    def follow(self, path: Sequence[Waypoint], *, force_limit_n: float, contact_force_n: float | None) -> Outcome:
+    def follow(self, path: Sequence[Waypoint], *, force_limit_n: float, contact_force_n: float | None) -> MotionOutcome:
         """Follow a timed path; CONTACT above `contact_force_n` (if any), FORCE_LIMIT above `force_limit_n`.
 
         The path's clock is the controller's, slowed down with it; the arm is led onto the path from where it stands.
         """
         reached = [0]
 
-        def motion() -> Outcome:
+        def motion() -> MotionOutcome:
             state = self.arm.watch()
             check_start(state, path[0], self.limits)
             way = _Way(path, state, self._lead_in_s(state, path[0]), self.speed)
@@ -110,17 +110,17 @@ class Motions:
                     detail = f"not there after 1.1 × {way.last_s / self.speed:.1f} s + 2 s{slow}"
                     raise Stopped(ExecutionStatus.TIMED_OUT, detail, state)
             self.arm.end_servo()
-            return Outcome(ExecutionStatus.SUCCEEDED, "", self.arm.watch(), waypoint=len(path) - 1)
+            return MotionOutcome(ExecutionStatus.SUCCEEDED, "", self.arm.watch(), waypoint=len(path) - 1)
 
         outcome = self._supervised(motion)
         return outcome if outcome.succeeded else replace(outcome, waypoint=reached[0])
 
-    def push(self, axis: Array, depth_m: float, *, force_limit_n: float) -> Outcome:
+    def push(self, axis: Array, depth_m: float, *, force_limit_n: float) -> MotionOutcome:
         """Push compliantly along `axis` (3,), unit, until `depth_m` is measured; JAMMED when it does not get there."""
         limits = self.limits
         depth = [0.0]
 
-        def motion() -> Outcome:
+        def motion() -> MotionOutcome:
             start = self.arm.watch()
             guard = PushGuard(start, axis, depth_m, self._bias, limits)
             speed = min(1.0, self.speed) * limits.insert_speed_m_s
@@ -144,7 +144,7 @@ class Motions:
             depth[0] = guard.measure(state)
             if depth[0] < depth_m - limits.depth_tolerance_m:
                 raise Stopped(ExecutionStatus.JAMMED, "the part sprang back after the push", state)
-            return Outcome(ExecutionStatus.SUCCEEDED, f"depth {1e3 * depth[0]:.2f} mm", state, depth_m=depth[0])
+            return MotionOutcome(ExecutionStatus.SUCCEEDED, f"depth {1e3 * depth[0]:.2f} mm", state, depth_m=depth[0])
 
         outcome = self._supervised(motion)
         if outcome.succeeded:
@@ -152,7 +152,7 @@ class Motions:
         detail = f"{outcome.detail} (depth {1e3 * depth[0]:.1f} of {1e3 * depth_m:.1f} mm)"
         return replace(outcome, detail=detail, depth_m=depth[0])
 
-    def _supervised(self, motion: Callable[[], Outcome]) -> Outcome:
+    def _supervised(self, motion: Callable[[], MotionOutcome]) -> MotionOutcome:
         try:
             return motion()
         except Stopped as stop:

@@ -19,7 +19,7 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.files.output import write_atomic
 from mocca_robot.files.versions import PLAN
-from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.pose import Six, Three
 from mocca_robot.plan.wiring import VacuumWiring
 
@@ -129,7 +129,7 @@ class Cell:
     tool_cog_m: Three = (0.0, 0.0, 0.0)
     gripper_stroke_m: tuple[float, float] = (0.0, 0.085)
     serial: str | None = None
-    limits: Limits = field(default_factory=Limits)
+    limits: MotionLimits = field(default_factory=MotionLimits)
     extra: Mapping[str, Any] = field(default_factory=dict)
     vacuum: VacuumWiring | None = None
     description: Mapping[str, Any] = field(default_factory=dict)

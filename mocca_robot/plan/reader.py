@@ -14,7 +14,7 @@ from mocca_robot.errors import InputError, nearest
 from mocca_robot.files.documents import read_text
 from mocca_robot.files.versions import PLAN
 from mocca_robot.plan.arm_models import robot_model
-from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint
 from mocca_robot.plan.pose import Three, six, three
 from mocca_robot.plan.wiring import DEFAULT_WAIT_S, SIGNALS, WAIT_S, VacuumWiring
@@ -107,7 +107,7 @@ def _cell(raw: Mapping[str, Any], where: str) -> Cell:
             three(_numbers(box[0], 3, f"{where}: workspace_m[0]")),
             three(_numbers(box[1], 3, f"{where}: workspace_m[1]")),
         ),
-        limits=Limits().lowered(_mapping(raw.get("limits", {}), f"{where}: limits"), where),
+        limits=MotionLimits().lowered(_mapping(raw.get("limits", {}), f"{where}: limits"), where),
         extra=_rest(raw, Cell),
         description=_mapping(raw.get("description", {}), f"{where}: description"),
         vacuum=_vacuum(raw["vacuum"], f"{where}: vacuum") if raw.get("vacuum") is not None else None,

@@ -10,7 +10,7 @@ import numpy as np
 
 from mocca_robot.errors import InputError
 from mocca_robot.plan.arm_models import RobotModel, robot_model
-from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Cell, Move, MoveKind, Plan, Step, Waypoint, insertion_axis
 from mocca_robot.plan.pose import angle_rad, distance_m
 
@@ -29,7 +29,7 @@ MILLIMETRES = 10.0
 
 
 @dataclass(frozen=True)
-class Finding:
+class PlanFinding:
     """One reason not to run a plan: where, which quantity, its value, the limit it breaks, and what to do."""
 
     where: str
@@ -51,7 +51,7 @@ def require_sound(plan: Plan) -> None:
         raise InputError("The plan is refused:\n" + "\n".join(str(f) for f in found[:5]) + more)
 
 
-def findings(plan: Plan) -> list[Finding]:
+def findings(plan: Plan) -> list[PlanFinding]:
     """Return everything that forbids running `plan`, in the order of the plan; empty means sound."""
     model = robot_model(plan.robot)
     out = list(_cell_findings(plan.cell, model))
@@ -68,16 +68,16 @@ def findings(plan: Plan) -> list[Finding]:
     return out
 
 
-def speed_cap(kind: MoveKind, limits: Limits) -> float:
+def speed_cap(kind: MoveKind, limits: MotionLimits) -> float:
     """Return the fastest that a move of this kind may be, m/s."""
     if kind is MoveKind.TRANSIT:
         return limits.transfer_speed_m_s
     return limits.insert_speed_m_s if kind is MoveKind.INSERT else limits.approach_speed_m_s
 
 
-def _cell_findings(cell: Cell, model: RobotModel) -> Iterator[Finding]:
+def _cell_findings(cell: Cell, model: RobotModel) -> Iterator[PlanFinding]:
     if cell.tool_mass_kg < 0 or cell.tool_mass_kg > model.payload_kg:
-        yield Finding(
+        yield PlanFinding(
             "cell",
             "tool_mass_kg",
             f"{cell.tool_mass_kg:g}",
@@ -85,17 +85,19 @@ def _cell_findings(cell: Cell, model: RobotModel) -> Iterator[Finding]:
             "Use a lighter gripper or a stronger arm.",
         )
     if any(low >= high for low, high in zip(*cell.workspace_m, strict=True)):
-        yield Finding("cell", "workspace_m", f"{cell.workspace_m}", "low below high on every axis", "Swap the corners.")
+        yield PlanFinding(
+            "cell", "workspace_m", f"{cell.workspace_m}", "low below high on every axis", "Swap the corners."
+        )
     if max(abs(v) for v in cell.tcp_offset[:3]) > 1.0:
-        yield Finding(
+        yield PlanFinding(
             "cell", "tcp_offset", f"{cell.tcp_offset[:3]}", "1 m", "Write it in metres: divide by 1000 if it is in mm."
         )
 
 
-def _step_findings(step: Step, plan: Plan, model: RobotModel, where: str) -> Iterator[Finding]:
+def _step_findings(step: Step, plan: Plan, model: RobotModel, where: str) -> Iterator[PlanFinding]:
     carried = step.grasp.mass_kg + plan.cell.tool_mass_kg
     if step.grasp.mass_kg < 0 or carried > model.payload_kg:
-        yield Finding(
+        yield PlanFinding(
             where,
             "payload (part and gripper)",
             f"{carried:.3g} kg",
@@ -104,7 +106,7 @@ def _step_findings(step: Step, plan: Plan, model: RobotModel, where: str) -> Ite
         )
     low, high = plan.cell.gripper_stroke_m
     if plan.gripper != "none" and not low <= step.grasp.width_m <= high:
-        yield Finding(
+        yield PlanFinding(
             where,
             "grasp width",
             f"{1e3 * step.grasp.width_m:.1f} mm",
@@ -113,19 +115,19 @@ def _step_findings(step: Step, plan: Plan, model: RobotModel, where: str) -> Ite
         )
     kinds = [m.kind for m in step.moves]
     if MoveKind.INSERT in kinds and MoveKind.PICK not in kinds[: kinds.index(MoveKind.INSERT)]:
-        yield Finding(where, "order of moves", ", ".join(kinds), "pick before insert", "Plan this part again.")
+        yield PlanFinding(where, "order of moves", ", ".join(kinds), "pick before insert", "Plan this part again.")
     if step.direction is not None and abs(math.hypot(*step.direction) - 1.0) > 1e-6:
         length = math.hypot(*step.direction)
-        yield Finding(where, "length of the insertion direction", f"{length:.6g}", "1", "Normalise it.")
+        yield PlanFinding(where, "length of the insertion direction", f"{length:.6g}", "1", "Normalise it.")
 
 
-def _move_findings(move: Move, step: Step, cell: Cell, model: RobotModel, where: str) -> Iterator[Finding]:
+def _move_findings(move: Move, step: Step, cell: Cell, model: RobotModel, where: str) -> Iterator[PlanFinding]:
     limits = cell.limits
     cap = speed_cap(move.kind, limits)
     if not 0 < move.speed_m_s <= cap:
-        yield Finding(where, "speed_m_s", f"{move.speed_m_s:g}", f"0 to {cap:g} m/s", "Slow the move down.")
+        yield PlanFinding(where, "speed_m_s", f"{move.speed_m_s:g}", f"0 to {cap:g} m/s", "Slow the move down.")
     if not 0 < move.force_limit_n <= limits.abort_force_n:
-        yield Finding(
+        yield PlanFinding(
             where,
             "force_limit_n",
             f"{move.force_limit_n:g}",
@@ -134,7 +136,7 @@ def _move_findings(move: Move, step: Step, cell: Cell, model: RobotModel, where:
         )
     low, high = cell.gripper_stroke_m
     if not low <= move.gripper_m <= high:
-        yield Finding(
+        yield PlanFinding(
             where,
             "gripper_m",
             f"{move.gripper_m:g}",
@@ -151,7 +153,7 @@ def _move_findings(move: Move, step: Step, cell: Cell, model: RobotModel, where:
             yield from _joint_gap(move.path[0], path[0], f"{name}, waypoint 0 against the move's own", limits)
             if distance_m(path[-1].tcp, move.path[-1].tcp) > STRAIGHT_M:
                 gap = distance_m(path[-1].tcp, move.path[-1].tcp)
-                yield Finding(
+                yield PlanFinding(
                     name,
                     "end",
                     f"{1e3 * gap:.1f} mm from the move's end",
@@ -162,7 +164,7 @@ def _move_findings(move: Move, step: Step, cell: Cell, model: RobotModel, where:
 
 def _path_findings(
     path: Sequence[Waypoint], move: Move, cell: Cell, model: RobotModel, where: str
-) -> Iterator[Finding]:
+) -> Iterator[PlanFinding]:
     limits = cell.limits
     for w, point in enumerate(path):
         here = f"{where}, waypoint {w}"
@@ -172,34 +174,34 @@ def _path_findings(
         before = path[w - 1]
         seconds = point.t - before.t
         if seconds <= 0:
-            yield Finding(here, "t", f"{point.t:g} s", f"above {before.t:g} s", "Times must increase: plan again.")
+            yield PlanFinding(here, "t", f"{point.t:g} s", f"above {before.t:g} s", "Times must increase: plan again.")
             continue
         yield from _joint_gap(before, point, here, limits)
         rates = np.abs(np.subtract(point.q, before.q)) / seconds
         caps = np.minimum(model.joint_speed_rad_s, limits.joint_speed_rad_s)
         worst = int(np.argmax(rates / caps))
         if rates[worst] > caps[worst] * SPEED_SLACK:
-            yield Finding(
+            yield PlanFinding(
                 here, f"speed of joint {worst}", f"{rates[worst]:.3g} rad/s", f"{caps[worst]:.3g} rad/s", "Slow down."
             )
         speed, cap = distance_m(point.tcp, before.tcp) / seconds, min(move.speed_m_s, speed_cap(move.kind, limits))
         if speed > cap * SPEED_SLACK:
-            yield Finding(here, "speed of the tool", f"{speed:.3g} m/s", f"{cap:.3g} m/s", "Slow the move down.")
+            yield PlanFinding(here, "speed of the tool", f"{speed:.3g} m/s", f"{cap:.3g} m/s", "Slow the move down.")
     yield from _acceleration_findings(path, move, limits, where)
 
 
-def _waypoint_findings(point: Waypoint, cell: Cell, model: RobotModel, here: str) -> Iterator[Finding]:
+def _waypoint_findings(point: Waypoint, cell: Cell, model: RobotModel, here: str) -> Iterator[PlanFinding]:
     joints, pose = list(point.q), list(point.tcp)
     if len(joints) != 6 or len(pose) != 6:
-        yield Finding(here, "size", f"{len(joints)} joints, {len(pose)} pose values", "6 and 6", "Plan again.")
+        yield PlanFinding(here, "size", f"{len(joints)} joints, {len(pose)} pose values", "6 and 6", "Plan again.")
         return
     broken = [v for v in (point.t, *joints, *pose) if not math.isfinite(v)]
     if broken:
-        yield Finding(here, "a value", f"{broken[0]}", "finite", "Plan again.")
+        yield PlanFinding(here, "a value", f"{broken[0]}", "finite", "Plan again.")
         return
     largest = max(abs(v) for v in point.tcp[:3])
     if largest > MILLIMETRES:
-        yield Finding(
+        yield PlanFinding(
             here,
             "tcp",
             f"{largest:g} m from the base",
@@ -209,10 +211,12 @@ def _waypoint_findings(point: Waypoint, cell: Cell, model: RobotModel, here: str
         return
     for j, (angle, limit) in enumerate(zip(point.q, model.joint_limit_rad, strict=True)):
         if abs(angle) > limit:
-            yield Finding(here, f"joint {j}", f"{angle:.4g} rad", f"±{limit:.4g} rad", "Use another arm configuration.")
+            yield PlanFinding(
+                here, f"joint {j}", f"{angle:.4g} rad", f"±{limit:.4g} rad", "Use another arm configuration."
+            )
     tool = math.hypot(*cell.tcp_offset[:3])
     if math.hypot(point.tcp[0], point.tcp[1], point.tcp[2] - model.d[0]) > model.reach_m + model.d[5] + tool:
-        yield Finding(
+        yield PlanFinding(
             here,
             "tcp",
             f"{np.round(point.tcp[:3], 3).tolist()} m",
@@ -222,7 +226,7 @@ def _waypoint_findings(point: Waypoint, cell: Cell, model: RobotModel, here: str
     actual = model.tcp_pose(point.q, cell.tcp_offset)
     gap, turn = distance_m(actual, point.tcp), angle_rad(actual, point.tcp)
     if gap > FK_DISTANCE_M or turn > FK_ANGLE_RAD:
-        yield Finding(
+        yield PlanFinding(
             here,
             "tcp against joint angles",
             f"{1e3 * gap:.1f} mm and {math.degrees(turn):.2f}° apart",
@@ -232,16 +236,16 @@ def _waypoint_findings(point: Waypoint, cell: Cell, model: RobotModel, here: str
     low, high = cell.workspace_m
     for axis, value, a, b in zip("xyz", point.tcp[:3], low, high, strict=True):
         if not a <= value <= b:
-            yield Finding(
+            yield PlanFinding(
                 here, f"tcp {axis}", f"{value:.4g} m", f"{a:g} to {b:g} m (workspace)", "Plan inside the workspace box."
             )
 
 
-def _joint_gap(before: Waypoint, after: Waypoint, here: str, limits: Limits) -> Iterator[Finding]:
+def _joint_gap(before: Waypoint, after: Waypoint, here: str, limits: MotionLimits) -> Iterator[PlanFinding]:
     jumps = np.abs(np.subtract(after.q, before.q))
     worst = int(np.argmax(jumps))
     if not jumps[worst] <= limits.joint_step_rad:
-        yield Finding(
+        yield PlanFinding(
             here,
             f"jump of joint {worst}",
             f"{jumps[worst]:.3g} rad",
@@ -250,11 +254,11 @@ def _joint_gap(before: Waypoint, after: Waypoint, here: str, limits: Limits) -> 
         )
 
 
-def _seam(before: Waypoint, after: Waypoint, here: str, limits: Limits) -> Iterator[Finding]:
+def _seam(before: Waypoint, after: Waypoint, here: str, limits: MotionLimits) -> Iterator[PlanFinding]:
     """Yield when a move does not begin where the one before it ended: the arm would go there unplanned."""
     gap = float(np.abs(np.subtract(after.q, before.q)).max())
     if not gap <= limits.start_joint_rad:
-        yield Finding(
+        yield PlanFinding(
             here,
             "distance from the end of the move before",
             f"{gap:.3g} rad",
@@ -263,7 +267,9 @@ def _seam(before: Waypoint, after: Waypoint, here: str, limits: Limits) -> Itera
         )
 
 
-def _acceleration_findings(path: Sequence[Waypoint], move: Move, limits: Limits, where: str) -> Iterator[Finding]:
+def _acceleration_findings(
+    path: Sequence[Waypoint], move: Move, limits: MotionLimits, where: str
+) -> Iterator[PlanFinding]:
     """Yield where second differences exceed the caps; the arm stands still before and after every path."""
     times = np.array([w.t for w in path])
     steps = np.diff(times)
@@ -282,7 +288,7 @@ def _acceleration_findings(path: Sequence[Waypoint], move: Move, limits: Limits,
         size = np.linalg.norm(change, axis=1) if unit == "m/s²" else np.abs(change).max(axis=1)
         worst = int(np.argmax(size))
         if size[worst] > limit * ACCELERATION_SLACK:
-            yield Finding(
+            yield PlanFinding(
                 f"{where}, waypoint {worst}",
                 quantity,
                 f"{size[worst]:.3g} {unit}",
@@ -291,17 +297,17 @@ def _acceleration_findings(path: Sequence[Waypoint], move: Move, limits: Limits,
             )
 
 
-def _line_findings(path: Sequence[Waypoint], step: Step, where: str) -> Iterator[Finding]:
+def _line_findings(path: Sequence[Waypoint], step: Step, where: str) -> Iterator[PlanFinding]:
     axis, depth = insertion_axis(path)
     if len(path) < 2 or depth < 1e-3:
-        yield Finding(
+        yield PlanFinding(
             where, "insertion depth", f"{1e3 * depth:.2f} mm", "at least 1 mm", "Start the insertion farther out."
         )
         return
     offsets = np.array([w.tcp[:3] for w in path]) - np.array(path[0].tcp[:3])
     bend = float(np.linalg.norm(offsets - np.outer(offsets @ axis, axis), axis=1).max())
     if bend > STRAIGHT_M:
-        yield Finding(
+        yield PlanFinding(
             where,
             "bend of the insertion line",
             f"{1e3 * bend:.2f} mm",
@@ -310,7 +316,7 @@ def _line_findings(path: Sequence[Waypoint], step: Step, where: str) -> Iterator
         )
     turn = max(angle_rad(path[0].tcp, w.tcp) for w in path)
     if turn > FK_ANGLE_RAD:
-        yield Finding(
+        yield PlanFinding(
             where,
             "turn of the part on the line",
             f"{math.degrees(turn):.2f}°",
@@ -320,7 +326,7 @@ def _line_findings(path: Sequence[Waypoint], step: Step, where: str) -> Iterator
     if step.direction is not None:
         angle = math.acos(max(-1.0, min(1.0, float(axis @ np.asarray(step.direction)))))
         if angle > step.alpha_rad + CONE_SLACK_RAD:
-            yield Finding(
+            yield PlanFinding(
                 where,
                 "angle to the insertion direction",
                 f"{math.degrees(angle):.2f}°",

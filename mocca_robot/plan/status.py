@@ -61,7 +61,7 @@ class ArmState:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class MotionOutcome:
     """How one motion of the arm ended: status, last measured state (None if nothing was measured) and a sentence.
 
     `stop_observed` says whether the arm was *measured* to stand still afterwards; None where it was not needed

@@ -33,7 +33,7 @@ TEMPLATE = "manual.typ"
 
 
 @dataclass(frozen=True)
-class Step:
+class ManualStep:
     """One part: its number in the sequence, its name, a picture (SVG that stands alone), what to do in sentences."""
 
     number: int
@@ -49,7 +49,7 @@ class Manual:
     title: str
     lead: tuple[str, ...]
     overview: tuple[str, ...]
-    steps: tuple[Step, ...]
+    steps: tuple[ManualStep, ...]
     rows: tuple[tuple[str, ...], ...]
 
 
@@ -73,7 +73,9 @@ def manual(
         touches = sorted({i if j == k else j for i, j in (c.parts for c in contacts) if k in (i, j) and min(i, j) != k})
         words = _words(assembly, k, way, touches, falls.get(part.name), last=k == free[-1])
         label = f"step {k + 1}: {part.name}"
-        steps.append(Step(k + 1, part.name, _picture(assembly, list(range(k)), k, way, view, label), tuple(words)))
+        steps.append(
+            ManualStep(k + 1, part.name, _picture(assembly, list(range(k)), k, way, view, label), tuple(words))
+        )
     names = ", ".join(assembly.parts[k].name for k in ground)
     mass = sum(p.mass for p in assembly.parts)
     lead = (

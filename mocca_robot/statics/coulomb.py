@@ -21,7 +21,7 @@ from mocca_robot.statics.friction_verdict import FrictionVerdict, Standing
 from mocca_robot.statics.frictional_contacts import FrictionalContacts
 from mocca_robot.statics.solution import EquilibriumResult, Status
 from mocca_robot.statics.solver.compliant_cones import CompliantCones
-from mocca_robot.statics.solver.coulomb_steps import FAR, Settled, move, rest, travel
+from mocca_robot.statics.solver.coulomb_steps import FAR, StepsSettled, move, rest, travel
 
 EQUILIBRIUM_RESIDUAL = 1e-8
 """Unbalanced share of the load up to which parts stand."""
@@ -33,8 +33,8 @@ STIFFNESS = 1e6
 """N/m of a contact point along its normal: sets the size of displacements, no verdict depends on it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Seen:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CoulombCase:
     """A point looked at from outside the solver, in units of the load.
 
     Attributes:
@@ -135,12 +135,14 @@ def _problem(contacts: FrictionalContacts, w: Array, scale: float) -> CompliantC
     )
 
 
-def _rests(found: Settled, seen: Seen | None) -> bool:
+def _rests(found: StepsSettled, seen: CoulombCase | None) -> bool:
     """Return whether forces that obey Coulomb's law hold the load."""
     return found.rests and seen is not None and max(seen.violation, seen.share) <= EQUILIBRIUM_RESIDUAL
 
 
-def _seen(contacts: FrictionalContacts, problem: CompliantCones, w: Array, scale: float, found: Settled) -> Seen | None:
+def _seen(
+    contacts: FrictionalContacts, problem: CompliantCones, w: Array, scale: float, found: StepsSettled
+) -> CoulombCase | None:
     """Return the evidence that a point gives, computed from its displacements and forces alone."""
     if found.point is None:
         return None
@@ -151,7 +153,9 @@ def _seen(contacts: FrictionalContacts, problem: CompliantCones, w: Array, scale
     forces = z * contacts.steep
     violation, slip = _law(contacts, forces, moves, scale)
     travelled = travel(problem, point) if found.rests else float("nan")
-    return Seen(u, forces, w + rows.matrix.T @ z.ravel(), slip, violation, travelled)
+    return CoulombCase(
+        u=u, forces=forces, left=w + rows.matrix.T @ z.ravel(), slip=slip, violation=violation, travel=travelled
+    )
 
 
 def _law(contacts: FrictionalContacts, forces: Array, moves: Array, scale: float) -> tuple[float, Array]:
@@ -180,13 +184,13 @@ def _law(contacts: FrictionalContacts, forces: Array, moves: Array, scale: float
 
 def _verdict(
     contacts: FrictionalContacts,
-    seen: Seen,
+    seen: CoulombCase,
     standing: Standing,
     bound: EquilibriumResult | None,
     scale: float,
     stiffness: float,
     programs: int,
-    found: Settled,
+    found: StepsSettled,
 ) -> FrictionVerdict:
     """Return the verdict in newtons and metres."""
     rows, rests = contacts.rows, found.rests

@@ -15,15 +15,15 @@ from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
 from mocca_robot.plan.arm_models import robot_model
 from mocca_robot.plan.gripper import Grip, Gripper, GripperLost, require_drivable
-from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Plan, Waypoint
 from mocca_robot.plan.pose import Six, Three
 from mocca_robot.plan.safety import require_sound
-from mocca_robot.plan.status import ArmState, ExecutionStatus, Outcome
+from mocca_robot.plan.status import ArmState, ExecutionStatus, MotionOutcome
 from mocca_robot.plan.supervision import Stopped
 from mocca_robot.ur import dashboard
 from mocca_robot.ur.grippers import connect
-from mocca_robot.ur.link import Link, LinkLost
+from mocca_robot.ur.link import ChildLink, LinkLost
 from mocca_robot.ur.monitor import CONNECT_S, CYCLE_S, Monitor
 from mocca_robot.ur.owner import RobotLock
 from mocca_robot.ur.preflight import blocking_findings, require_robot
@@ -48,13 +48,13 @@ class UrArm:
     def __init__(self, host: str, plan: Plan, confirm: str, cancelled: Callable[[], bool] = lambda: False) -> None:
         self.host = host
         self.plan = plan
-        self.limits: Limits = plan.cell.limits
+        self.limits: MotionLimits = plan.cell.limits
         self.model = robot_model(plan.robot)
         self._confirm = confirm
         self._lock = RobotLock(host)
         self._preferred = ExitStack()
         self._monitor = Monitor(host, self.limits, cancelled)
-        self._hands: Link | None = None
+        self._hands: ChildLink | None = None
         self._gripper: Gripper | None = None
         self._serial = ""
         self._forcing = False
@@ -77,7 +77,7 @@ class UrArm:
             self._gripper = connect(self.plan, self.host)
             self._monitor.open()
             self._monitor.poll()
-            self._hands = Link("hands", self.host, CONNECT_S)
+            self._hands = ChildLink("hands", self.host, CONNECT_S)
             self._order("setWatchdog", self.limits.watchdog_hz)
             self._order("setTcp", list(self.plan.cell.tcp_offset))
             self._settle(0.1)
@@ -121,7 +121,7 @@ class UrArm:
 
     # Questions
 
-    def preflight(self, plan: Plan, first_step: int) -> Outcome:
+    def preflight(self, plan: Plan, first_step: int) -> MotionOutcome:
         """Return SUCCEEDED, or REFUSED naming what must be put right before `first_step` can start."""
         try:
             self._order("setPayload", plan.cell.tool_mass_kg, list(plan.cell.tool_cog_m))
@@ -135,9 +135,9 @@ class UrArm:
         except Stopped as stop:
             return self.halt(stop)
         if problem:
-            return Outcome(ExecutionStatus.REFUSED, problem, state)
+            return MotionOutcome(ExecutionStatus.REFUSED, problem, state)
         self._cleared = True
-        return Outcome(ExecutionStatus.SUCCEEDED, "preflight passed", state)
+        return MotionOutcome(ExecutionStatus.SUCCEEDED, "preflight passed", state)
 
     def _require_clearance(self) -> None:
         if not self._cleared:
@@ -239,7 +239,7 @@ class UrArm:
         self._moving = self._forcing = False
         return self._monitor.stands_still()
 
-    def halt(self, stop: Stopped) -> Outcome:
+    def halt(self, stop: Stopped) -> MotionOutcome:
         """Stop the arm for the reason in `stop`; return that and whether standstill was measured."""
         detail = stop.detail
         unfed = max(self._unfed_s, time.monotonic() - self._fed_at)
@@ -255,7 +255,7 @@ class UrArm:
                 if self._program_stopped
                 else "; the arm cannot be seen, its watchdog has to stop it"
             )
-        return Outcome(stop.status, detail, stop.state or self._monitor.last, stop_observed=observed)
+        return MotionOutcome(stop.status, detail, stop.state or self._monitor.last, stop_observed=observed)
 
     # Supervision
 

@@ -77,7 +77,7 @@ def require_client() -> None:
         )
 
 
-class Link:
+class ChildLink:
     """One child process and the pipe to it. `call` returns within its deadline or raises LinkLost."""
 
     def __init__(self, role: str, host: str, deadline_s: float) -> None:

@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable
 
 from mocca_robot.plan.guards import STILL_RAD_S
-from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.status import ArmState, ExecutionStatus
 from mocca_robot.plan.supervision import Stopped, parse_state, program_stop, safety_stop
-from mocca_robot.ur.link import Link, LinkLost
+from mocca_robot.ur.link import ChildLink, LinkLost
 
 CYCLE_S = 0.02
 CONNECT_S = 8.0
@@ -27,19 +27,19 @@ class Monitor:
     decides, which such a pause does not stop.
     """
 
-    def __init__(self, host: str, limits: Limits, cancelled: Callable[[], bool]) -> None:
+    def __init__(self, host: str, limits: MotionLimits, cancelled: Callable[[], bool]) -> None:
         self.host = host
         self.limits = limits
         self.last: ArmState | None = None
         self._cancelled = cancelled
-        self._eyes: Link | None = None
+        self._eyes: ChildLink | None = None
         self._changed_at = 0.0
         self._polled_at = 0.0
         self._age = 0.0
 
     def open(self, deadline_s: float = CONNECT_S) -> None:
         """Connect; LinkLost when no state comes within the deadline."""
-        self._eyes = Link("eyes", self.host, deadline_s)
+        self._eyes = ChildLink("eyes", self.host, deadline_s)
         self._changed_at = self._polled_at = time.monotonic()
         self._age = 0.0
 

@@ -12,7 +12,7 @@ from mocca_robot.plan.gripper import Grip, GripperLost
 from mocca_robot.plan.status import ArmState, ExecutionStatus
 from mocca_robot.plan.supervision import Stopped
 from mocca_robot.plan.wiring import VacuumWiring, bank_and_number
-from mocca_robot.ur.link import Link, LinkLost
+from mocca_robot.ur.link import ChildLink, LinkLost
 
 CALL_S = 1.0
 CONNECT_S = 8.0
@@ -31,7 +31,7 @@ class SuctionCup:
         self._holding = False
         self._gone_at: float | None = None
         try:
-            self._valve = Link("valve", host, CONNECT_S)
+            self._valve = ChildLink("valve", host, CONNECT_S)
         except LinkLost as error:
             raise GripperLost(f"the controller's digital outputs cannot be reached ({error})") from error
 

@@ -16,7 +16,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
 from mocca_robot.plan.gripper import require_drivable
 from mocca_robot.plan.guards import SEATED_SHARE, SEATING_M, SEATING_PACE
-from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Move, MoveKind, Plan, Step, Waypoint, insertion_axis
 from mocca_robot.plan.pose import distance_m
 from mocca_robot.plan.push_frame import frame_along
@@ -147,7 +147,7 @@ def urscript(plan: Plan) -> str:
     return "\n".join(out)
 
 
-def _helpers(limits: Limits) -> str:
+def _helpers(limits: MotionLimits) -> str:
     out = _HELPERS
     for name, value in (
         ("TILT", limits.abort_tilt_rad),
@@ -181,7 +181,7 @@ def _move(plan: Plan, step: Step, move: Move) -> list[str]:
     return out
 
 
-def _joint_path(path: Sequence[Waypoint], limits: Limits) -> list[str]:
+def _joint_path(path: Sequence[Waypoint], limits: MotionLimits) -> list[str]:
     """Return blended joint moves whose leading joint has the planned speed of each segment."""
     out = []
     for w in range(1, len(path)):
@@ -196,7 +196,7 @@ def _joint_path(path: Sequence[Waypoint], limits: Limits) -> list[str]:
     return out
 
 
-def _insert(move: Move, limits: Limits) -> str:
+def _insert(move: Move, limits: MotionLimits) -> str:
     axis, depth = insertion_axis(move.path)
     rotation = frame_along(axis, move.path[0].tcp)[3:]
     seconds = 1.1 * depth / limits.insert_speed_m_s + 2.0

@@ -28,7 +28,7 @@ from planners.cone_joints.realization import SOLVED
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.shapes2d import Shapes2D
 from planners.cone_joints.shapes3d import Shapes3D
-from planners.cone_joints.unknowns import Layout, Parameters, Problem
+from planners.cone_joints.unknowns import JointParameters, JointProblem, UnknownsLayout
 
 Gradient = Literal["envelope", "finite differences"]
 STEP = 1e-6
@@ -38,7 +38,7 @@ SOLVED_PENALTY = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Searched:
+class DirectResult:
     """Where a comparison method ended.
 
     Attributes:
@@ -66,7 +66,7 @@ def direct_search(
     contacts: ContactReport | None = None,
     gradient: Gradient = "envelope",
     evaluations: int = 400,
-) -> Searched:
+) -> DirectResult:
     """Return where L-BFGS-B over all joint parameters ends, from planar contacts (§7).
 
     Unknowns are every joint's shape, every pair's lean of u and, with α, every part's way out. Assemblability, slope
@@ -79,12 +79,12 @@ def direct_search(
     first = evaluate(problem, start)
     if first.infeasibility.max(initial=0.0) <= SOLVED:
         return searched(problem, start, 1)
-    layout = Layout.of(problem, start)
+    layout = UnknownsLayout.of(problem, start)
     unit = 1.0 / max(first.total, 1e-300)
     count = 0
     best = (np.inf, start)
 
-    def value(step: Array) -> tuple[float, Parameters, EnergyResult, Array]:
+    def value(step: Array) -> tuple[float, JointParameters, EnergyResult, Array]:
         nonlocal count, best
         count += 1
         parameters = layout.moved(start, step)
@@ -120,7 +120,7 @@ def direct_search(
 
 def planar_problem(
     assembly: Assembly, options: JointOptions, contacts: ContactReport | None = None
-) -> tuple[Problem, Parameters]:
+) -> tuple[JointProblem, JointParameters]:
     """Return the design problem of the required load cases, without margins, and its planar start."""
     report = contacts or find_contacts(assembly)
     require_sound(assembly, report)
@@ -135,14 +135,14 @@ def planar_problem(
     loads = Loads.of(assembly, found, required)
     turning = np.full(len(assembly.parts), assembly.dimension == 2 and assembly.alpha_rad is not None)
     pairs = np.array([c.parts for c in found])
-    problem = Problem(
+    problem = JointProblem(
         shapes=shapes, loads=loads, required=len(required), pairs=pairs, alpha_rad=assembly.alpha_rad, turning=turning
     )
     lean = np.zeros((len(shapes.pair_normal), shapes.n_lean))
-    return problem, Parameters(np.tile(shapes.rest, (len(found), 1)), lean, axis, shapes.can_curve)
+    return problem, JointParameters(np.tile(shapes.rest, (len(found), 1)), lean, axis, shapes.can_curve)
 
 
-def searched(problem: Problem, parameters: Parameters, evaluations: int) -> Searched:
+def searched(problem: JointProblem, parameters: JointParameters, evaluations: int) -> DirectResult:
     """Return the joints of `parameters` with E on their true geometry."""
     shapes = problem.shapes
     u = shapes.directions(parameters.lean)
@@ -151,7 +151,7 @@ def searched(problem: Problem, parameters: Parameters, evaluations: int) -> Sear
         for e, (contact, curved) in enumerate(zip(shapes.contacts, parameters.curved))
     )
     result = evaluate(problem, parameters)
-    return Searched(joints, result.infeasibility, violation_of(problem, parameters), evaluations)
+    return DirectResult(joints, result.infeasibility, violation_of(problem, parameters), evaluations)
 
 
 def _axes(assembly: Assembly, report: ContactReport) -> Array:
@@ -164,7 +164,7 @@ def _axes(assembly: Assembly, report: ContactReport) -> Array:
     return axis
 
 
-def _bounds(problem: Problem, layout: Layout, start: Parameters) -> list[tuple[float, float]]:
+def _bounds(problem: JointProblem, layout: UnknownsLayout, start: JointParameters) -> list[tuple[float, float]]:
     low, high = problem.shapes.bounds()
     n_shape, n_lean, n_axis = layout.sizes
     below, above = (np.asarray(b - start.shape)[layout.joints].ravel() for b in (low, high))
@@ -175,7 +175,12 @@ def _bounds(problem: Problem, layout: Layout, start: Parameters) -> list[tuple[f
 
 
 def _envelope(
-    problem: Problem, layout: Layout, parameters: Parameters, result: EnergyResult, hinges: Array, unit: float
+    problem: JointProblem,
+    layout: UnknownsLayout,
+    parameters: JointParameters,
+    result: EnergyResult,
+    hinges: Array,
+    unit: float,
 ) -> Array:
     """Return the gradient of Σ E · unit plus penalties: forces held, geometry moved, all joints at once."""
     columns = layout.columns(problem.shapes)
@@ -196,7 +201,7 @@ def _envelope(
     for t in range(layout.tangents.shape[1] if len(layout.parts) else 0):
         turned = parameters.axis + STEP * layout.tangents[:, t]
         turned = turned / np.linalg.norm(turned, axis=1)[:, None]
-        ahead = Parameters(parameters.shape, parameters.lean, turned, parameters.curved)
+        ahead = JointParameters(parameters.shape, parameters.lean, turned, parameters.curved)
         bend = (push * (hinge_values(problem, ahead, surface, 0.0) - hinges)).sum(axis=1) / STEP
         where = place[problem.pairs[:, 1]]
         column = np.where(where >= 0, first + where * layout.tangents.shape[1] + t, -1)
@@ -209,7 +214,7 @@ def _scatter(gradient: Array, column: IntArray, slope: Array) -> None:
     np.add.at(gradient, column[known], slope[known])
 
 
-def _wrenches(problem: Problem, surface: Array, result: EnergyResult) -> Array:
+def _wrenches(problem: JointProblem, surface: Array, result: EnergyResult) -> Array:
     points, normals = problem.shapes.rays(surface)
     moved = problem.shapes.transferred(surface)
     return joint_wrenches(problem.loads, problem.pairs, points, normals, result.forces, *moved)

@@ -16,7 +16,7 @@ from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.geometry.frames import tangents
 from planners.cone_joints.energy import energy, joint_wrenches
 from planners.cone_joints.shapes2d import Shapes2D
-from planners.cone_joints.unknowns import Problem
+from planners.cone_joints.unknowns import JointProblem
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ def faces(shapes: Shapes2D, slopes: Array, levers: Array) -> tuple[Array, Array]
 
 
 def kinematic_design(
-    problem: Problem, start: RequiredCones, bounds: Array, wrenches: Array
+    problem: JointProblem, start: RequiredCones, bounds: Array, wrenches: Array
 ) -> tuple[RequiredCones, int]:
     """Return the cones that minimise E under Eq. 12 and `bounds` (E, 4), and how often E was evaluated (Eq. 13).
 

@@ -12,7 +12,7 @@ from mocca_robot.joints.spline import SplineKind
 from planners.baselines.paper_kinematics import RequiredCones, faces
 from planners.cone_joints.descent import PENALTY_WEIGHT, hinge_values, surface_of
 from planners.cone_joints.shapes2d import Shapes2D
-from planners.cone_joints.unknowns import Parameters, Problem
+from planners.cone_joints.unknowns import JointParameters, JointProblem
 
 REACHED = 1e-8
 """Squared distance of a unit face normal to cone(N) that counts as inside (Eq. 19)."""
@@ -23,7 +23,7 @@ STARTS: tuple[tuple[SplineKind, float], ...] = tuple(
 """Families and heights that the realization of every joint starts from; the best three are refined."""
 
 
-def realize(problem: Problem, cones: RequiredCones) -> tuple[Shapes2D, Parameters, Array]:
+def realize(problem: JointProblem, cones: RequiredCones) -> tuple[Shapes2D, JointParameters, Array]:
     """Return joint shapes that come nearest to `cones`, each for itself (Eq. 18), and what they miss (E,)."""
     shapes = problem.shapes
     assert isinstance(shapes, Shapes2D)
@@ -37,10 +37,10 @@ def realize(problem: Problem, cones: RequiredCones) -> tuple[Shapes2D, Parameter
         targets = targets / np.linalg.norm(targets, axis=1)[:, None]
         kinds[e], rows[e], missed[e] = _nearest_shape(alone, targets)
     lean = np.zeros((len(shapes.pair_normal), 1))
-    return shapes.with_kinds(kinds), Parameters(rows, lean, cones.axis, np.asarray(wanted)), missed
+    return shapes.with_kinds(kinds), JointParameters(rows, lean, cones.axis, np.asarray(wanted)), missed
 
 
-def _alone(problem: Problem, shapes: Shapes2D, e: int, axis: Array) -> tuple[Problem, Parameters]:
+def _alone(problem: JointProblem, shapes: Shapes2D, e: int, axis: Array) -> tuple[JointProblem, JointParameters]:
     """Return the problem of joint `e` by itself."""
     room = shapes.clearance
     clearance = replace(
@@ -63,18 +63,18 @@ def _alone(problem: Problem, shapes: Shapes2D, e: int, axis: Array) -> tuple[Pro
     )
     part = replace(problem, shapes=one, pairs=np.array([[0, 1]]))
     later = axis[problem.pairs[e, 1]]
-    rest = Parameters(one.rest[None], np.zeros((1, 1)), np.stack([later, later]), np.ones(1, dtype=np.bool_))
+    rest = JointParameters(one.rest[None], np.zeros((1, 1)), np.stack([later, later]), np.ones(1, dtype=np.bool_))
     return part, rest
 
 
-def _nearest_shape(alone: tuple[Problem, Parameters], targets: Array) -> tuple[SplineKind, Array, float]:
+def _nearest_shape(alone: tuple[JointProblem, JointParameters], targets: Array) -> tuple[SplineKind, Array, float]:
     """Return family, shape row (4,) and worst squared distance to `targets` (4, 3) that the best start leads to."""
     from scipy.optimize import minimize
 
     problem, rest = alone
     low, high = (b[0] for b in problem.shapes.bounds())
 
-    def missing(family: Problem, row: Array) -> tuple[float, float]:
+    def missing(family: JointProblem, row: Array) -> tuple[float, float]:
         """Return Σ dist² plus penalties, and the worst dist²."""
         parameters = replace(rest, shape=np.clip(row, low, high)[None])
         surface = surface_of(family, parameters)
@@ -86,7 +86,7 @@ def _nearest_shape(alone: tuple[Problem, Parameters], targets: Array) -> tuple[S
         return sum(distances) + PENALTY_WEIGHT * float((np.maximum(hinges, 0.0) ** 2).sum()), max(distances)
 
     best: tuple[float, SplineKind, Array, float] | None = None
-    tried: list[tuple[float, int, SplineKind, Problem, Array]] = []
+    tried: list[tuple[float, int, SplineKind, JointProblem, Array]] = []
     for kind, height in STARTS:
         if kind in problem.shapes.options.kinds:
             family = replace(problem, shapes=problem.shapes.with_kinds([kind]))
@@ -94,7 +94,7 @@ def _nearest_shape(alone: tuple[Problem, Parameters], targets: Array) -> tuple[S
             tried.append((missing(family, row)[0], len(tried), kind, family, row))
     for _, _, kind, family, row in sorted(tried, key=lambda t: t[:2])[:3]:
 
-        def objective(x: Array, family: Problem = family) -> float:
+        def objective(x: Array, family: JointProblem = family) -> float:
             return missing(family, x)[0]
 
         bounds = [(float(a), float(b)) for a, b in zip(low, high)]
@@ -109,7 +109,7 @@ def _nearest_shape(alone: tuple[Problem, Parameters], targets: Array) -> tuple[S
     return best[1], best[2], best[3]
 
 
-def reached(problem: Problem, parameters: Parameters, cones: RequiredCones) -> Array:
+def reached(problem: JointProblem, parameters: JointParameters, cones: RequiredCones) -> Array:
     """Return (E, 4) the largest share of each required face that cone(N) of the built joint contains, as bounds."""
     shapes = problem.shapes
     assert isinstance(shapes, Shapes2D)

@@ -19,7 +19,7 @@ from mocca_robot.statics.solver.system import ContactSystem
 from planners.cone_joints.energy import SMALL, each_case
 from planners.cone_joints.kinematic import Requirement
 from planners.cone_joints.shapes import Shapes
-from planners.cone_joints.unknowns import Parameters, Problem
+from planners.cone_joints.unknowns import JointParameters, JointProblem
 
 FEW_JOINTS = 60
 """Joints up to which leaning shapes are in the catalogue from the start; descent leans those of larger ones."""
@@ -39,7 +39,7 @@ class _Entry:
     allowed: BoolArray
 
 
-def entries(problem: Problem, axis: Array, leans: Array | None = None) -> list[_Entry]:
+def entries(problem: JointProblem, axis: Array, leans: Array | None = None) -> list[_Entry]:
     """Return the catalogue with each shape leaned by each of `leans` (m, L), and where its constraints hold."""
     shapes, options = problem.shapes, problem.shapes.options
     outer = other_normals(problem)
@@ -60,14 +60,14 @@ def entries(problem: Problem, axis: Array, leans: Array | None = None) -> list[_
     return found
 
 
-def other_normals(problem: Problem) -> list[Array]:
+def other_normals(problem: JointProblem) -> list[Array]:
     """Return for each joint the planar normals (m, d) of its later part's other earlier contacts."""
     pairs, normals = problem.pairs, problem.shapes.normals
     later = pairs[:, 1]
     return [normals[(later == later[e]) & (np.arange(len(pairs)) != e)] for e in range(len(pairs))]
 
 
-def assemblable(problem: Problem, axis: Array, normals: Array, outer: list[Array]) -> BoolArray:
+def assemblable(problem: JointProblem, axis: Array, normals: Array, outer: list[Array]) -> BoolArray:
     """Return (E,) whether each joint's normals (E, R, d), beside planar other joints, leave a cone of α.
 
     About the axis (N, d) given; for parts whose way out may turn, about the best one.
@@ -94,7 +94,7 @@ def _angle_about(vectors: Array, axis: Array) -> Array:
     return np.asarray(np.arctan2(cross, (vectors * axis).sum(axis=-1)))
 
 
-def fit(problem: Problem, required: Requirement, start: Parameters) -> tuple[Shapes, Parameters]:
+def fit(problem: JointProblem, required: Requirement, start: JointParameters) -> tuple[Shapes, JointParameters]:
     """Return, joint by joint, the realisable shape nearest to the required wrenches, the shallowest among equals.
 
     Joints that need no slope stay planar, and so do those for which no shape is allowed.
@@ -118,7 +118,9 @@ def fit(problem: Problem, required: Requirement, start: Parameters) -> tuple[Sha
     return _assembled(problem, start, catalogue, chosen, curved)
 
 
-def select(problem: Problem, start: Parameters, cases: IntArray, passes: int = 6) -> tuple[Shapes, Parameters]:
+def select(
+    problem: JointProblem, start: JointParameters, cases: IntArray, passes: int = 6
+) -> tuple[Shapes, JointParameters]:
     """Return one realisable shape per joint, chosen for all joints and the given load cases together.
 
     Each pass solves Eq. 8 with a price on force through each shape, then makes little-used shapes dearer.
@@ -173,8 +175,8 @@ def select(problem: Problem, start: Parameters, cases: IntArray, passes: int = 6
 
 
 def _assembled(
-    problem: Problem, start: Parameters, catalogue: list[_Entry], chosen: IntArray, curved: BoolArray
-) -> tuple[Shapes, Parameters]:
+    problem: JointProblem, start: JointParameters, catalogue: list[_Entry], chosen: IntArray, curved: BoolArray
+) -> tuple[Shapes, JointParameters]:
     """Return the families and parameters of the chosen entries (−1 = planar), part axes centred among them."""
     shapes, pairs = problem.shapes, problem.pairs
     kinds = [catalogue[c].kind if c >= 0 else shapes.rest_kind for c in chosen]
@@ -187,4 +189,4 @@ def _assembled(
             mine = np.flatnonzero(pairs[:, 1] == part)
             rows = [catalogue[chosen[e]].normals[e] if chosen[e] >= 0 else shapes.normals[e][None] for e in mine]
             axis[part] = largest_cone(np.concatenate(rows))[1]
-    return shapes.with_kinds(kinds), Parameters(shape, lean, axis, curved)
+    return shapes.with_kinds(kinds), JointParameters(shape, lean, axis, curved)

@@ -21,7 +21,7 @@ from mocca_robot.runtime.content_hash import assembly_hash, content_hash
 from planners.cone_joints.descent import Descent
 from planners.cone_joints.realization import Polished, Polishing
 from planners.cone_joints.search import SearchState, Stage
-from planners.cone_joints.unknowns import Parameters
+from planners.cone_joints.unknowns import JointParameters
 
 METHOD = 1
 """Raise it when designing takes another course: states kept from before are not gone on with then."""
@@ -128,8 +128,8 @@ def _polished_data(polished: Polished) -> dict[str, Any]:
     }
 
 
-def _parameters_data(parameters: Parameters) -> dict[str, Any]:
-    return {f.name: getattr(parameters, f.name).tolist() for f in fields(Parameters)}
+def _parameters_data(parameters: JointParameters) -> dict[str, Any]:
+    return {f.name: getattr(parameters, f.name).tolist() for f in fields(JointParameters)}
 
 
 def _state(data: dict[str, Any]) -> SearchState:
@@ -159,6 +159,6 @@ def _polished(data: dict[str, Any]) -> Polished:
     return Polished(_parameters(data["parameters"]), infeasibility, float(data["violation"]), int(data["evaluations"]))
 
 
-def _parameters(data: dict[str, Any]) -> Parameters:
+def _parameters(data: dict[str, Any]) -> JointParameters:
     numbers = {name: np.array(data[name], dtype=float) for name in ("shape", "lean", "axis")}
-    return Parameters(curved=np.array(data["curved"], dtype=np.bool_), **numbers)
+    return JointParameters(curved=np.array(data["curved"], dtype=np.bool_), **numbers)

@@ -18,7 +18,7 @@ from mocca_robot.arrays import Array, BoolArray, IntArray
 from planners.cone_joints.curvature import LARGE, Answer, Curvature, Products, Written, answered, unanswered
 from planners.cone_joints.energy import EnergyResult, energy, joint_wrenches
 from planners.cone_joints.shapes import Shapes
-from planners.cone_joints.unknowns import Layout, Parameters, Problem
+from planners.cone_joints.unknowns import JointParameters, JointProblem, UnknownsLayout
 
 ENERGY_WEIGHT = 10.0
 PENALTY_WEIGHT = 30.0
@@ -36,7 +36,7 @@ LONGEST_STEP = 0.2
 
 
 def evaluate(
-    problem: Problem, parameters: Parameters, inset: float = 0.0, warm: EnergyResult | None = None
+    problem: JointProblem, parameters: JointParameters, inset: float = 0.0, warm: EnergyResult | None = None
 ) -> EnergyResult:
     """Return E of every case on the geometry of `parameters`, masses and centroids included.
 
@@ -47,24 +47,24 @@ def evaluate(
     return energy(problem.loads, problem.pairs, points, normals, moved_wrenches(problem, surface), warm)
 
 
-def evaluate_built(problem: Problem, parameters: Parameters) -> EnergyResult:
+def evaluate_built(problem: JointProblem, parameters: JointParameters) -> EnergyResult:
     """Return E of every case with every facet that will be built, not only those that designing looks at."""
     surface = surface_of(problem, parameters)
     points, normals = problem.shapes.all_rays(surface)
     return energy(problem.loads, problem.pairs, points, normals, moved_wrenches(problem, surface))
 
 
-def surface_of(problem: Problem, parameters: Parameters) -> Array:
+def surface_of(problem: JointProblem, parameters: JointParameters) -> Array:
     """Return the joints' surfaces (E, V, d), flat where a joint may not curve."""
     return problem.shapes.surface(_drawn(problem.shapes, parameters), problem.shapes.directions(parameters.lean))
 
 
-def moved_wrenches(problem: Problem, surface: Array) -> Array:
+def moved_wrenches(problem: JointProblem, surface: Array) -> Array:
     """Return the wrenches (K, N, dof) of every case after the surfaces have moved mass between parts."""
     return problem.loads.wrenches + problem.loads.moved(problem.pairs, *problem.shapes.transferred(surface))
 
 
-def _drawn(shapes: Shapes, parameters: Parameters) -> Array:
+def _drawn(shapes: Shapes, parameters: JointParameters) -> Array:
     flat = parameters.shape.copy()
     flat[:, list(shapes.heights)] = 0.0
     return np.where(parameters.curved[:, None], parameters.shape, flat)
@@ -80,7 +80,7 @@ def narrowed(shapes: Shapes, surface: Array, inset: float) -> Array:
     return np.asarray(shapes.centres[:, None] + lowered)
 
 
-def violation_of(problem: Problem, parameters: Parameters) -> float:
+def violation_of(problem: JointProblem, parameters: JointParameters) -> float:
     """Return the worst violation of assemblability, slope, room and radius; ≤ `VIOLATED` counts as none."""
     surface = surface_of(problem, parameters)
     hinges = hinge_values(problem, parameters, surface, 0.0, problem.shapes.all_rays(surface)[1])
@@ -88,7 +88,7 @@ def violation_of(problem: Problem, parameters: Parameters) -> float:
 
 
 def hinge_values(
-    problem: Problem, parameters: Parameters, surface: Array, margin_rad: float, normals: Array | None = None
+    problem: JointProblem, parameters: JointParameters, surface: Array, margin_rad: float, normals: Array | None = None
 ) -> Array:
     """Return constraint values (E, H), violated where positive: slope, room and radius, then assemblability.
 
@@ -119,7 +119,9 @@ class Linear:
     violation: float
 
 
-def value_of(problem: Problem, parameters: Parameters, warm: EnergyResult | None) -> tuple[float, EnergyResult, Array]:
+def value_of(
+    problem: JointProblem, parameters: JointParameters, warm: EnergyResult | None
+) -> tuple[float, EnergyResult, Array]:
     """Return energy plus penalties, E of every case (with the designer's inset) and the hinges (E, H)."""
     options = problem.shapes.options
     result = evaluate(problem, parameters, options.inset, warm)
@@ -130,7 +132,9 @@ def value_of(problem: Problem, parameters: Parameters, warm: EnergyResult | None
     return value + SHALLOW_WEIGHT * float((heights**2).sum()), result, hinges
 
 
-def linearised(problem: Problem, layout: Layout, parameters: Parameters, warm: EnergyResult | None = None) -> Linear:
+def linearised(
+    problem: JointProblem, layout: UnknownsLayout, parameters: JointParameters, warm: EnergyResult | None = None
+) -> Linear:
     """Return the objective about `parameters`; derivatives of surfaces by forward differences, all joints at once."""
     shapes, loads, pairs = problem.shapes, problem.loads, problem.pairs
     value, result, hinges = value_of(problem, parameters, warm)
@@ -187,14 +191,14 @@ def _scatter(balance: Array, part: IntArray, column: IntArray, change: Array) ->
     np.add.at(balance.reshape(-1), flat.ravel(), change.ravel())
 
 
-def _wrenches(problem: Problem, surface: Array, result: EnergyResult) -> Array:
+def _wrenches(problem: JointProblem, surface: Array, result: EnergyResult) -> Array:
     """Return (K, E, 2, dof): what each joint's forces and moved mass do to its two parts, over |w| of the case."""
     shapes, loads = problem.shapes, problem.loads
     points, normals = shapes.rays(narrowed(shapes, surface, shapes.options.inset))
     return joint_wrenches(loads, problem.pairs, points, normals, result.forces, *shapes.transferred(surface))
 
 
-def _upset(problem: Problem, columns: IntArray, changes: list[Array], free: BoolArray, size: int) -> sp.csr_array:
+def _upset(problem: JointProblem, columns: IntArray, changes: list[Array], free: BoolArray, size: int) -> sp.csr_array:
     """Return (free · dof, n) the balance that each unknown upsets in one case, from its changes (E, 2, dof)."""
     dof = problem.loads.wrenches.shape[2]
     place = np.full(len(free), -1)
@@ -211,9 +215,9 @@ def _upset(problem: Problem, columns: IntArray, changes: list[Array], free: Bool
 
 
 def _violated(
-    problem: Problem,
-    layout: Layout,
-    parameters: Parameters,
+    problem: JointProblem,
+    layout: UnknownsLayout,
+    parameters: JointParameters,
     hinges: Array,
     bends: list[Array],
     columns: IntArray,
@@ -255,14 +259,14 @@ class Descent:
         values: the objective before every step so far.
     """
 
-    parameters: Parameters
+    parameters: JointParameters
     damping: float = 1e-3
     values: tuple[float, ...] = ()
 
 
 def descend(
-    problem: Problem, start: Descent, steps: int, watch: Callable[[Descent, EnergyResult], None] | None
-) -> tuple[Parameters, int]:
+    problem: JointProblem, start: Descent, steps: int, watch: Callable[[Descent, EnergyResult], None] | None
+) -> tuple[JointParameters, int]:
     """Return where Levenberg–Marquardt steps end: everything holds, nothing moves, or `steps` are used up.
 
     `watch` is shown every step's beginning and E there; steps of `start` count.
@@ -270,7 +274,7 @@ def descend(
     parameters, damping, values = start.parameters, start.damping, list(start.values)
     warm: EnergyResult | None = None
     for count in range(len(values), steps):
-        layout = Layout.of(problem, parameters)
+        layout = UnknownsLayout.of(problem, parameters)
         if not sum(layout.sizes):
             return parameters, count + 1
         here = linearised(problem, layout, parameters, warm)
@@ -292,7 +296,7 @@ def descend(
     return parameters, max(steps, 0)
 
 
-def _step(layout: Layout, parameters: Parameters, here: Linear, damping: float) -> Array:
+def _step(layout: UnknownsLayout, parameters: JointParameters, here: Linear, damping: float) -> Array:
     """Return the damped Gauss–Newton step; unknowns at a bound that the gradient pushes against stay there."""
     movable = ~layout.blocked(parameters, here.gradient)
     diagonal = here.curvature.diagonal

@@ -25,11 +25,11 @@ from planners.cone_joints.descent import evaluate
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.kinematic import Impossible, bound
 from planners.cone_joints.realization import Polished
-from planners.cone_joints.search import Keep, Progress, Searched, SearchState, search
+from planners.cone_joints.search import FoundJoints, Keep, Progress, SearchState, search
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.shapes2d import Shapes2D
 from planners.cone_joints.shapes3d import Shapes3D
-from planners.cone_joints.unknowns import Parameters, Problem
+from planners.cone_joints.unknowns import JointParameters, JointProblem
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class Designed:
     margin_rad: float = 0.0
     evaluations: int = 0
     interrupted: str | None = None
-    searched: Searched | None = None
+    searched: FoundJoints | None = None
     cases: tuple[LoadCase, ...] = field(default=())
 
 
@@ -78,7 +78,7 @@ def design(
     progress: Progress | None = None,
     resume: SearchState | None = None,
     keep: Keep | None = None,
-    near: Searched | None = None,
+    near: FoundJoints | None = None,
 ) -> Designed:
     """Return cone joints under which `assembly` meets its goals, or the evidence that it cannot.
 
@@ -114,7 +114,7 @@ def design(
     # In 3D a way out is a sweep-confirmed find among parts further away: joints are made for it, it stays.
     turning = ~given & (assembly.dimension == 2 and assembly.alpha_rad is not None)
     pairs = np.array([c.parts for c in found])
-    problem = Problem(
+    problem = JointProblem(
         shapes=shapes, loads=loads, required=len(required), pairs=pairs, alpha_rad=assembly.alpha_rad, turning=turning
     )
     start = _planar_start(shapes, axis)
@@ -123,7 +123,7 @@ def design(
 
     impossible = None
     polished = Polished(start, before.infeasibility, 0.0, 0)
-    searched: Searched | None = None
+    searched: FoundJoints | None = None
     kinematic = realization = 0.0
     if before.infeasibility.max(initial=0.0) > 1e-13 and not narrow:
         # A state to go on from exists only where the bound proved nothing.
@@ -210,15 +210,15 @@ def _start_axes(
     return axis
 
 
-def _planar_start(shapes: Shapes, axis: Array) -> Parameters:
+def _planar_start(shapes: Shapes, axis: Array) -> JointParameters:
     count = len(shapes.contacts)
     lean = np.zeros((len(shapes.pair_normal), shapes.n_lean))
-    return Parameters(np.tile(shapes.rest, (count, 1)), lean, axis, np.zeros(count, dtype=np.bool_))
+    return JointParameters(np.tile(shapes.rest, (count, 1)), lean, axis, np.zeros(count, dtype=np.bool_))
 
 
 def _built(
     assembly: Assembly,
-    problem: Problem,
+    problem: JointProblem,
     given: BoolArray,
     required: Sequence[LoadCase],
     before: Array,

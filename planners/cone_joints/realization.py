@@ -22,14 +22,14 @@ from planners.cone_joints.descent import (
     violation_of,
 )
 from planners.cone_joints.energy import EnergyResult
-from planners.cone_joints.unknowns import Parameters, Problem
+from planners.cone_joints.unknowns import JointParameters, JointProblem
 
 
 @dataclass(frozen=True, eq=False)
 class Polished:
     """Where polishing ended: parameters, E per case on the true geometry, largest constraint violation."""
 
-    parameters: Parameters
+    parameters: JointParameters
     infeasibility: Array
     violation: float
     evaluations: int
@@ -54,13 +54,13 @@ class Polishing:
         descent: the round under way; None between two rounds.
     """
 
-    parameters: Parameters
+    parameters: JointParameters
     working: BoolArray
     count: int = 0
     descent: Descent | None = None
 
     @property
-    def reached(self) -> Parameters:
+    def reached(self) -> JointParameters:
         """Return the parameters where it stands."""
         return self.parameters if self.descent is None else self.descent.parameters
 
@@ -75,8 +75,8 @@ Watch = Callable[[Polishing, float], None]
 
 
 def polish(
-    problem: Problem,
-    start: Parameters | Polishing,
+    problem: JointProblem,
+    start: JointParameters | Polishing,
     *,
     evaluations: int = 60,
     watch: Watch | None = None,
@@ -86,7 +86,7 @@ def polish(
     Works on the cases that fail only, and takes in others as they begin to. Stops as soon as the true geometry
     satisfies all required cases and, to `MARGIN_SOLVED`, the margin cases. A `Polishing` as start goes on there.
     """
-    if isinstance(start, Parameters):
+    if isinstance(start, JointParameters):
         start = Polishing(start, np.zeros(len(problem.loads.gravity), dtype=np.bool_))
     count, parameters, descent = start.count, start.parameters, start.descent
     working = start.working.copy()
@@ -111,12 +111,14 @@ def polish(
         count, descent = count + used, None
 
 
-def as_it_is(problem: Problem, parameters: Parameters) -> Polished:
+def as_it_is(problem: JointProblem, parameters: JointParameters) -> Polished:
     """Return what `parameters` achieve without any step."""
     return _judged(problem, parameters, evaluate(problem, parameters), violation_of(problem, parameters), 0)
 
 
-def _judged(problem: Problem, parameters: Parameters, true: EnergyResult, violation: float, count: int) -> Polished:
+def _judged(
+    problem: JointProblem, parameters: JointParameters, true: EnergyResult, violation: float, count: int
+) -> Polished:
     """Return the result of polishing; required cases that nearly hold are judged by every facet."""
     left = true.infeasibility[: problem.required].max(initial=0.0)
     if SOLVED < left < NEARLY_SOLVED:
@@ -130,4 +132,4 @@ def _watching(round_: Polishing, watch: Watch | None) -> Callable[[Descent, Ener
     return lambda descent, result: watch(replace(round_, descent=descent), float(result.infeasibility.max()))
 
 
-__all__ = ["Parameters", "Polished", "Polishing", "Problem", "evaluate", "polish", "violation_of"]
+__all__ = ["JointParameters", "JointProblem", "Polished", "Polishing", "evaluate", "polish", "violation_of"]

@@ -15,7 +15,7 @@ from planners.cone_joints.kinematic import required_wrenches
 from planners.cone_joints.realization import SOLVED, Polished, Polishing, polish
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.thinning import thin
-from planners.cone_joints.unknowns import Parameters, Problem
+from planners.cone_joints.unknowns import JointParameters, JointProblem
 
 MANY_JOINTS = 60
 """Joints above which descent starts from all joints curved and makes planar afterwards what it can: with so many
@@ -60,7 +60,7 @@ Keep = Callable[[SearchState], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Searched:
+class FoundJoints:
     """The joints that a search found: all it asked for, or the nearest to it.
 
     Attributes:
@@ -74,14 +74,14 @@ class Searched:
 
 
 def search(
-    problem: Problem,
-    start: Parameters,
+    problem: JointProblem,
+    start: JointParameters,
     progress: Progress | None = None,
     *,
     resume: SearchState | None = None,
     keep: Keep | None = None,
-    near: Searched | None = None,
-) -> Searched:
+    near: FoundJoints | None = None,
+) -> FoundJoints:
     """Return the first attempt that solves everything, or the one that came nearest.
 
     Ctrl-C ends it early with the nearest joints so far. `resume` is a state that `keep` was shown by an earlier
@@ -100,7 +100,7 @@ def search(
         trail.reach(replace(trail.state, stage=Stage.FINISHED, best=best))
     except KeyboardInterrupt:
         return replace(_nearest(problem, start, families, trail.state), interrupted=trail.doing)
-    return Searched(families[trail.state.best_attempt], best)
+    return FoundJoints(families[trail.state.best_attempt], best)
 
 
 class _Trail:
@@ -129,7 +129,7 @@ class _Trail:
 
 
 def _polished(
-    problem: Problem, start: Parameters, near: Searched | None, trail: _Trail, families: list[Shapes]
+    problem: JointProblem, start: JointParameters, near: FoundJoints | None, trail: _Trail, families: list[Shapes]
 ) -> Polished:
     """Return the best attempt, polished; `families` receives the shapes of every attempt that was begun."""
     for number, (label, shapes, first) in enumerate(_attempts(problem, start, near)):
@@ -159,7 +159,7 @@ def _polished(
     return trail.state.best
 
 
-def _nearest(problem: Problem, start: Parameters, families: list[Shapes], state: SearchState) -> Searched:
+def _nearest(problem: JointProblem, start: JointParameters, families: list[Shapes], state: SearchState) -> FoundJoints:
     """Return the joints that an interrupted search came nearest with: a finished attempt's, or the current one's."""
     found: list[tuple[int, Polished]] = []
     # Families are missing when a search that went on from an earlier one ends before it has found its place again.
@@ -169,19 +169,21 @@ def _nearest(problem: Problem, start: Parameters, families: list[Shapes], state:
         attempt = replace(problem, shapes=families[state.attempt])
         found.append((state.attempt, polish(attempt, state.polishing.reached, evaluations=0)))
     if not found:
-        return Searched(problem.shapes, polish(problem, start, evaluations=0))
+        return FoundJoints(problem.shapes, polish(problem, start, evaluations=0))
     number, polished = min(found, key=lambda f: _rank(problem, f[1]))
-    return Searched(families[number], polished)
+    return FoundJoints(families[number], polished)
 
 
-def _rank(problem: Problem, polished: Polished) -> tuple[float, float]:
+def _rank(problem: JointProblem, polished: Polished) -> tuple[float, float]:
     """Return how far from solved: required cases and constraints first (1 = solved), then the tilt margins."""
     required = float(polished.infeasibility[: problem.required].max())
     hard = max(required / SOLVED, polished.violation / VIOLATED, 1.0)
     return hard, float(polished.infeasibility.max())
 
 
-def _attempts(problem: Problem, start: Parameters, near: Searched | None) -> Iterator[tuple[str, Shapes, Parameters]]:
+def _attempts(
+    problem: JointProblem, start: JointParameters, near: FoundJoints | None
+) -> Iterator[tuple[str, Shapes, JointParameters]]:
     """Yield starting points from the most promising to the most stubborn.
 
     First the joints that kinematic design asks for; then shapes chosen for all joints together; then uniform bumps
@@ -191,7 +193,11 @@ def _attempts(problem: Problem, start: Parameters, near: Searched | None) -> Ite
     shapes, loads = problem.shapes, problem.loads
     every = shapes.can_curve
     uniform = [
-        (f"uniform {kind}", shapes.with_kinds([kind] * len(every)), Parameters(bump, start.lean, start.axis, every))
+        (
+            f"uniform {kind}",
+            shapes.with_kinds([kind] * len(every)),
+            JointParameters(bump, start.lean, start.axis, every),
+        )
         for kind, bump in shapes.uniform_bumps()
     ]
     if near is not None:
@@ -214,10 +220,10 @@ def _attempts(problem: Problem, start: Parameters, near: Searched | None) -> Ite
     yield "selected joints", *select(problem, start, hardest)
     yield from uniform
     resting = np.where(first.curved[:, None], first.shape, shapes.rest)
-    yield "all joints", fitted, Parameters(resting, first.lean, first.axis, every)
+    yield "all joints", fitted, JointParameters(resting, first.lean, first.axis, every)
 
 
-def _telling_cases(problem: Problem) -> list[int]:
+def _telling_cases(problem: JointProblem) -> list[int]:
     """Return the cases whose wrenches shape the joints: margins replace the cases they surround."""
     total = len(problem.loads.gravity)
     margins = list(range(problem.required, total))

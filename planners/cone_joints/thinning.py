@@ -18,7 +18,7 @@ from mocca_robot.statics.solver.system import ContactSystem
 from planners.cone_joints.descent import MARGIN_SOLVED, VIOLATED, evaluate, moved_wrenches, narrowed, surface_of
 from planners.cone_joints.energy import each_case
 from planners.cone_joints.realization import SOLVED, Polished, as_it_is, polish
-from planners.cone_joints.unknowns import Parameters, Problem
+from planners.cone_joints.unknowns import JointParameters, JointProblem
 
 PASSES = 10
 PRICE = 1e-7
@@ -39,7 +39,7 @@ SETTLED_PASSES = 2
 """Passes in a row that choose the same joints, after which more of them would as well."""
 
 
-def thin(problem: Problem, found: Polished, watch: Callable[[Polished], None] | None = None) -> Polished:
+def thin(problem: JointProblem, found: Polished, watch: Callable[[Polished], None] | None = None) -> Polished:
     """Return a design with as few curved joints as trial finds that holds as well as `found`, or that one.
 
     `watch` is shown every design on the way; each of them holds.
@@ -81,7 +81,7 @@ def thin(problem: Problem, found: Polished, watch: Callable[[Polished], None] | 
     return best
 
 
-def _first_to_fail(problem: Problem, parameters: Parameters, telling: int) -> int | None:
+def _first_to_fail(problem: JointProblem, parameters: JointParameters, telling: int) -> int | None:
     """Return a load case that does not hold, the one numbered `telling` being asked before the others, or None.
 
     What one trial fails under, the next one mostly fails under as well: that costs one case instead of all.
@@ -97,11 +97,11 @@ def _first_to_fail(problem: Problem, parameters: Parameters, telling: int) -> in
     return None
 
 
-def _effort(problem: Problem) -> float:
+def _effort(problem: JointProblem) -> float:
     return min(1.0, (FULL_EFFORT / len(problem.pairs)) ** 2)
 
 
-def _concentrated(problem: Problem, parameters: Parameters) -> tuple[Parameters, Array]:
+def _concentrated(problem: JointProblem, parameters: JointParameters) -> tuple[JointParameters, Array]:
     """Return `parameters` with every bump made planar that no force needs, and the sloped force (E,) of each joint."""
     shapes, pairs, loads = problem.shapes, problem.pairs, problem.loads
     surface = surface_of(problem, parameters)

@@ -13,7 +13,7 @@ from planners.cone_joints.shapes import Shapes
 
 
 @dataclass(frozen=True, eq=False)
-class Parameters:
+class JointParameters:
     """All unknowns of a design.
 
     Attributes:
@@ -28,18 +28,18 @@ class Parameters:
     axis: Array
     curved: BoolArray
 
-    def stepped(self, column: int, step: float) -> Parameters:
+    def stepped(self, column: int, step: float) -> JointParameters:
         """Return them with one parameter of every joint, or one lean of every pair, larger by `step`."""
         shape, lean = self.shape.copy(), self.lean.copy()
         if column < shape.shape[1]:
             shape[:, column] += step
         else:
             lean[:, column - shape.shape[1]] += step
-        return Parameters(shape, lean, self.axis, self.curved)
+        return JointParameters(shape, lean, self.axis, self.curved)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Problem:
+class JointProblem:
     """What the descent needs to know besides the parameters.
 
     Attributes:
@@ -60,7 +60,7 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Layout:
+class UnknownsLayout:
     """The unknowns in a row: shapes of curved joints, leans of their pairs, tangential moves of part axes."""
 
     joints: IntArray
@@ -72,7 +72,7 @@ class Layout:
     steepest_lean: float
 
     @classmethod
-    def of(cls, problem: Problem, parameters: Parameters) -> Layout:
+    def of(cls, problem: JointProblem, parameters: JointParameters) -> UnknownsLayout:
         """Return the layout about `parameters`."""
         joints = np.flatnonzero(parameters.curved)
         pairs = np.unique(problem.shapes.pair[joints])
@@ -92,7 +92,7 @@ class Layout:
             steepest_lean=problem.shapes.steepest_lean,
         )
 
-    def moved(self, start: Parameters, step: Array) -> Parameters:
+    def moved(self, start: JointParameters, step: Array) -> JointParameters:
         """Return `start` moved by `step`, shapes and leans kept within their bounds."""
         n_shape, n_lean, _ = self.sizes
         shape, lean, axis = start.shape.copy(), start.lean.copy(), start.axis.copy()
@@ -104,9 +104,9 @@ class Layout:
         moves = step[n_shape + n_lean :].reshape(len(self.parts), self.tangents.shape[1])
         axis[self.parts] += np.einsum("pt,ptd->pd", moves, self.tangents[self.parts])
         axis /= np.linalg.norm(axis, axis=1)[:, None]
-        return Parameters(shape, lean, axis, start.curved)
+        return JointParameters(shape, lean, axis, start.curved)
 
-    def blocked(self, parameters: Parameters, gradient: Array) -> BoolArray:
+    def blocked(self, parameters: JointParameters, gradient: Array) -> BoolArray:
         """Return (n,) which unknowns sit at a bound and would leave it downhill."""
         n_shape, n_lean, _ = self.sizes
         low, high = self.bounds

@@ -16,7 +16,7 @@ from planners.robot.tool import Gripper, ParallelGripper
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
+class ArmLink:
     """One link: its body, the hinge that turns it, and its capsules."""
 
     body: Any
@@ -35,7 +35,7 @@ class Finger:
     shape: Any
 
 
-def add_links(parent: Any, model: RobotModel) -> tuple[tuple[Link, ...], Any]:
+def add_links(parent: Any, model: RobotModel) -> tuple[tuple[ArmLink, ...], Any]:
     """Add the six links of an arm to `parent`, its base; return them and the body of its flange."""
     import mujoco
 
@@ -53,7 +53,7 @@ def add_links(parent: Any, model: RobotModel) -> tuple[tuple[Link, ...], Any]:
             )
             for n, capsule in enumerate(segments[k])
         ]
-        links.append(Link(body, joint, tuple(shapes)))
+        links.append(ArmLink(body, joint, tuple(shapes)))
         parent = body
     return tuple(links), parent.add_body(name="flange", pos=places[6].position, quat=places[6].quat_wxyz)
 

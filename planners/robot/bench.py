@@ -10,7 +10,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.plan.pose import transform
 from planners.robot.arm_poses import trace
 from planners.robot.cell import RobotCell
-from planners.robot.scene import Scene, straight
+from planners.robot.scene import CellScene, straight
 from planners.robot.site import Site
 from planners.robot.trajectory import line
 from planners.robot.tray import Tray
@@ -28,7 +28,7 @@ class Bench:
 
     cell: RobotCell
     site: Site
-    scene: Scene
+    scene: CellScene
     tray: Tray | None = None
 
     def __post_init__(self) -> None:

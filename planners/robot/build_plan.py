@@ -25,7 +25,7 @@ from planners.robot.falling_states import falls
 from planners.robot.grasp import GraspSearch, find_grasps
 from planners.robot.grasp_pose import GraspPose, count, summary
 from planners.robot.pick import picks, reachable, tool_down
-from planners.robot.scene import Scene
+from planners.robot.scene import CellScene
 from planners.robot.seat import Seat, seats
 from planners.robot.site import Site, site
 from planners.robot.standing_place import carried_over, standings
@@ -146,7 +146,7 @@ def _structure_side(
     best: tuple[int, Bench, dict[str, Array], dict[str, list[GraspPose]]] | None = None
     for standing in ranked[:PLACES]:
         grasps = {n: carried_over(search.found[n].grasps, where, standing.site) for n in order}
-        bench = Bench(standing.cell, standing.site, Scene(standing.cell, standing.site))
+        bench = Bench(standing.cell, standing.site, CellScene(standing.cell, standing.site))
         bench.clear(None)
         turns = {}
         for body in standing.site.bodies:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from mocca_robot.plan.plan import Plan
 from planners.robot.cell import RobotCell
-from planners.robot.falling_states import Fall
+from planners.robot.falling_states import FallingState
 from planners.robot.site import Site
 from planners.robot.tray import Tray
 
@@ -50,7 +50,7 @@ class BuildPlan:
 
     plan: Plan | None
     reports: tuple[PartReport, ...]
-    falls: tuple[Fall, ...]
+    falls: tuple[FallingState, ...]
     cell: RobotCell
     site: Site
     tray: Tray

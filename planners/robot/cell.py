@@ -16,7 +16,7 @@ from mocca_robot.files import fields
 from mocca_robot.files.documents import MAX_YAML_BYTES, parse_yaml, read_text
 from mocca_robot.files.versions import CELL
 from mocca_robot.plan.arm_models import RobotModel, robot_model
-from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Cell, Plan
 from mocca_robot.plan.pose import three
 from planners.robot.cell_keys import CELL_KEYS, EXAMPLE
@@ -71,7 +71,7 @@ class RobotCell:
     gap_m: float
     tray_places: Mapping[str, TrayPlace]
     home: Array
-    limits: Limits
+    limits: MotionLimits
     document: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -149,7 +149,7 @@ def cell_from_document(content: object, where: str) -> RobotCell:
         gap_m=tray["gap_m"],
         tray_places=_tray_places(tray["parts"] or {}, f"{where}: tray.parts"),
         home=read_only(np.deg2rad(top["home_deg"])),
-        limits=Limits().lowered(top["limits"], where),
+        limits=MotionLimits().lowered(top["limits"], where),
         document=raw,
     )
 

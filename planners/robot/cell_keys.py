@@ -6,7 +6,7 @@ from dataclasses import fields
 
 from mocca_robot.config.keys import Key
 from mocca_robot.plan.arm_models import MODELS
-from mocca_robot.plan.limits import Limits, bounds
+from mocca_robot.plan.limits import MotionLimits, bounds
 from mocca_robot.plan.reader import GRIPPERS
 from mocca_robot.plan.wiring import DEFAULT_WAIT_S, SIGNALS, WAIT_S
 
@@ -172,7 +172,7 @@ GRIPPER_KEYS: dict[str, tuple[Key, ...]] = {
 
 def _limit(name: str) -> Key:
     low, high = bounds(name)
-    default = getattr(Limits(), name)
+    default = getattr(MotionLimits(), name)
     unit = next((u for end, u in _UNITS if name.endswith(end)), "")
     kind = "integer" if isinstance(default, int) else "number"
     said = "may only be raised" if high is None else "may only be lowered"
@@ -191,5 +191,5 @@ _UNITS = (
     ("_m", "m"),
     ("_s", "s"),
 )
-LIMIT_KEYS: tuple[Key, ...] = tuple(_limit(f.name) for f in fields(Limits))
-"""The driver's caps as rows; `Limits.lowered` checks them."""
+LIMIT_KEYS: tuple[Key, ...] = tuple(_limit(f.name) for f in fields(MotionLimits))
+"""The driver's caps as rows; `MotionLimits.lowered` checks them."""

@@ -14,14 +14,14 @@ from mocca_robot.statics.loads import LoadCase, state_cases
 
 
 @dataclass(frozen=True)
-class Fall:
+class FallingState:
     """A state that falls when the gripper lets go: after `part` was placed, `moving` move."""
 
     part: str
     moving: tuple[str, ...]
 
 
-def falls(assembly: Assembly, friction: float = 0.0, supports: Collection[str] = ()) -> tuple[Fall, ...]:
+def falls(assembly: Assembly, friction: float = 0.0, supports: Collection[str] = ()) -> tuple[FallingState, ...]:
     """Return the states of the sequence that do not stand once the part is released; `supports` name parts that
     something holds from the moment they are placed.
     """
@@ -36,5 +36,5 @@ def falls(assembly: Assembly, friction: float = 0.0, supports: Collection[str] =
             continue
         verdict = solve_case(assembly, contacts, LoadCase(case.name, case.gravity, case.present, held), friction)
         if not verdict.result.stands:
-            found.append(Fall(part.name, verdict.moving))
+            found.append(FallingState(part.name, verdict.moving))
     return tuple(found)

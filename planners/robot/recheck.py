@@ -15,9 +15,9 @@ from mocca_robot.arrays import Array
 from mocca_robot.motion.ways_out import sweep_blockers
 from mocca_robot.plan.plan import Move, MoveKind, Plan, Step, Waypoint, insertion_axis
 from mocca_robot.plan.pose import transform
-from mocca_robot.plan.safety import Finding, findings
+from mocca_robot.plan.safety import PlanFinding, findings
 from planners.robot.cell import RobotCell
-from planners.robot.scene import Scene
+from planners.robot.scene import CellScene
 from planners.robot.site import Site
 from planners.robot.trajectory import JOINT_JERK_RAD_S3
 from planners.robot.tray import Tray
@@ -30,7 +30,7 @@ PLACED_M = 1e-3
 """How far from its place a part may end."""
 
 
-def recheck(plan: Plan, cell: RobotCell, site: Site, tray: Tray, *, step_m: float = 1e-3) -> list[Finding]:
+def recheck(plan: Plan, cell: RobotCell, site: Site, tray: Tray, *, step_m: float = 1e-3) -> list[PlanFinding]:
     """Return everything wrong with `plan`: what the driver's own checks find, jerk, then collisions of arm, gripper and
     carried part with the structure as it stands at that moment, places at most `step_m` apart for every point of arm,
     tool and part.
@@ -39,13 +39,13 @@ def recheck(plan: Plan, cell: RobotCell, site: Site, tray: Tray, *, step_m: floa
     neighbours. `cell`, `site` and `tray` are those that the plan was made for.
     """
     out = findings(plan)
-    scene = Scene(cell, site, TOUCH_M)
+    scene = CellScene(cell, site, TOUCH_M)
     for body in site.bodies:
         scene.place(body.name, tray.motions.get(body.name, np.eye(4)))
     known = {b.name for b in site.bodies}
     for i, step in enumerate(plan.steps):
         if step.part not in known:
-            out.append(Finding(f"step {i}", "part", step.part, "a part of the design", "Plan again."))
+            out.append(PlanFinding(f"step {i}", "part", step.part, "a part of the design", "Plan again."))
             continue
         out.extend(_step(step, f"step {i} ({step.part})", cell, site, tray, scene, step_m))
         scene.place(step.part, np.eye(4))
@@ -53,8 +53,8 @@ def recheck(plan: Plan, cell: RobotCell, site: Site, tray: Tray, *, step_m: floa
 
 
 def _step(
-    step: Step, here: str, cell: RobotCell, site: Site, tray: Tray, scene: Scene, step_m: float
-) -> Iterator[Finding]:
+    step: Step, here: str, cell: RobotCell, site: Site, tray: Tray, scene: CellScene, step_m: float
+) -> Iterator[PlanFinding]:
     index = site.assembly.index(step.part)
     carried, grip = False, np.eye(4)
     corners = np.concatenate(site.bodies[index].pieces)
@@ -79,7 +79,7 @@ def _step(
             for q, w in samples(path, cell, part, step_m):
                 hit = scene.hit(q, opening, held)
                 if hit:
-                    yield Finding(f"{name}, waypoint {w}", "a collision", hit, "none", "Plan this part again.")
+                    yield PlanFinding(f"{name}, waypoint {w}", "a collision", hit, "none", "Plan this part again.")
                     break
             if move.kind is MoveKind.INSERT:
                 yield from _sweep(site, index, path, name)
@@ -91,7 +91,9 @@ def _step(
             off = float(np.linalg.norm(corners @ final[:3, :3].T + final[:3, 3] - corners, axis=1).max())
             if off > PLACED_M:
                 limit = f"{1e3 * PLACED_M:g} mm"
-                yield Finding(where, "distance of the part from its place", f"{1e3 * off:.2f} mm", limit, "Plan again.")
+                yield PlanFinding(
+                    where, "distance of the part from its place", f"{1e3 * off:.2f} mm", limit, "Plan again."
+                )
 
 
 def _paths(move: Move, where: str) -> Iterator[tuple[str, Sequence[Waypoint]]]:
@@ -100,7 +102,7 @@ def _paths(move: Move, where: str) -> Iterator[tuple[str, Sequence[Waypoint]]]:
         yield f"{where}, alternative {a}", path
 
 
-def _sweep(site: Site, index: int, path: Sequence[Waypoint], where: str) -> Iterator[Finding]:
+def _sweep(site: Site, index: int, path: Sequence[Waypoint], where: str) -> Iterator[PlanFinding]:
     axis, depth = insertion_axis(path)
     if depth <= 0.0:
         return
@@ -108,10 +110,10 @@ def _sweep(site: Site, index: int, path: Sequence[Waypoint], where: str) -> Iter
     hit = sweep_blockers(site.assembly, index, way[None] / np.linalg.norm(way))
     if hit:
         names = ", ".join(site.assembly.parts[h].name for h in hit)
-        yield Finding(where, "the way in", f"meets {names}", "free", "Insert inside the cone.")
+        yield PlanFinding(where, "the way in", f"meets {names}", "free", "Insert inside the cone.")
 
 
-def _jerk(path: Sequence[Waypoint], where: str) -> Iterator[Finding]:
+def _jerk(path: Sequence[Waypoint], where: str) -> Iterator[PlanFinding]:
     """Yield where a joint's third difference exceeds what times were made for; the arm stands still at both ends."""
     steps = np.diff([w.t for w in path])
     if len(path) < 4 or (steps <= 0).any():
@@ -123,7 +125,7 @@ def _jerk(path: Sequence[Waypoint], where: str) -> Iterator[Finding]:
     jerk = np.abs(np.diff(change, axis=0) / steps[:, None])
     w, j = np.unravel_index(int(np.argmax(jerk)), jerk.shape)
     if jerk[w, j] > JERK_SLACK * JOINT_JERK_RAD_S3:
-        yield Finding(
+        yield PlanFinding(
             f"{where}, waypoint {w}",
             f"jerk of joint {j}",
             f"{jerk[w, j]:.3g} rad/s³",

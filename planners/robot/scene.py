@@ -25,7 +25,7 @@ CUP_M = 0.02
 _ARM, _FINGERS, _CARRIED, _SHOULDER = 1, 2, 4, 8
 
 
-class Scene:
+class CellScene:
     """A cell with its parts; `hit` answers for one configuration at a time. Holds a MuJoCo model, so: one thread."""
 
     def __init__(self, cell: RobotCell, site: Site, clearance_m: float = CLEARANCE_M) -> None:

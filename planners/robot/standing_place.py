@@ -21,7 +21,7 @@ ENOUGH = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class RobotPlace:
     """One place: the cell with it, the structure there, and how well the arm reaches it (larger is better)."""
 
     cell: RobotCell
@@ -29,15 +29,15 @@ class Standing:
     score: float
 
 
-def standings(where: Site, cell: RobotCell, grasps: Sequence[Sequence[GraspPose]]) -> list[Standing]:
+def standings(where: Site, cell: RobotCell, grasps: Sequence[Sequence[GraspPose]]) -> list[RobotPlace]:
     """Return the places that the cell allows, best first; `grasps` of every part, for the structure as in `where`."""
     if len(cell.places_m) * len(cell.yaws_rad) <= 1:
-        return [Standing(cell, where, 0.0)]
+        return [RobotPlace(cell, where, 0.0)]
     out = []
     for place, yaw in itertools.product(cell.places_m, cell.yaws_rad):
         there = replace(cell, build_origin_m=place, build_yaw_rad=yaw)
         structure = moved(where, there)
-        out.append(Standing(there, structure, _reached(where, structure, there, grasps)))
+        out.append(RobotPlace(there, structure, _reached(where, structure, there, grasps)))
     return sorted(out, key=lambda s: -s.score)
 
 

@@ -42,7 +42,7 @@ class Track:
     touches: dict[str, float] = field(default_factory=dict)
 
 
-class Hand:
+class CellHand:
     """The hand in a world. `watch` is asked in every cycle and raises Stopped.
 
     Parts are let go gently: until the fingers are open, velocities are removed after every step, so that the forces

@@ -30,7 +30,7 @@ from planners.robot.cell import cell_of
 from planners.robot.site import site
 from sim.cell.cell_model import Pose, Workplace, seat, workplace
 from sim.cell.fingers import Track
-from sim.cell.rehearsal_result import Options, PartRehearsal, Rehearsal, Standing
+from sim.cell.rehearsal_result import Options, PartRehearsal, Rehearsal, StandingCheck
 from sim.cell.simulated_arm import SimulatedCell
 from sim.cell.world import CannotBelieve
 
@@ -89,7 +89,7 @@ def _seen(
     insert: tuple[float | None, int],
     inserted: bool | None,
     wanted_m: float | None,
-    standing: Standing | None,
+    standing: StandingCheck | None,
 ) -> PartRehearsal:
     assert event.part is not None and event.status is not None
     return PartRehearsal(
@@ -116,7 +116,7 @@ def step_depth(plan: Plan, step: int) -> float | None:
     return None if path is None else insertion_axis(path)[1]
 
 
-def watch(cell: SimulatedCell, part: int | None) -> Standing:
+def watch(cell: SimulatedCell, part: int | None) -> StandingCheck:
     """Return whether the structure stands once `part` is let go, or, with None, once its supports are gone."""
     assembly = cell.place.assembly
     sizes = np.array([float(np.linalg.norm(np.ptp(p.shape.bounds, axis=0))) for p in assembly.parts])
@@ -131,7 +131,7 @@ def watch(cell: SimulatedCell, part: int | None) -> Standing:
     # A part that its support took over stays as it was let go: it can be out of place, though it cannot fall.
     judged = free if part is None or part in free else [*free, part]
     if not judged:
-        return Standing(
+        return StandingCheck(
             stands=True,
             farthest="",
             displacement_m=0.0,
@@ -155,7 +155,7 @@ def watch(cell: SimulatedCell, part: int | None) -> Standing:
         stands = True
     else:
         stands, words = None, f"it still moves after {seconds:.1f} s; {words}"
-    return Standing(
+    return StandingCheck(
         stands=stands,
         farthest=name,
         displacement_m=float(gaps[worst]),

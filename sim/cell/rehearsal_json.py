@@ -8,7 +8,7 @@ from typing import Any
 
 from mocca_robot.files.output import write_json
 from mocca_robot.files.versions import REHEARSAL
-from sim.cell.rehearsal_result import PartRehearsal, Rehearsal, Standing
+from sim.cell.rehearsal_result import PartRehearsal, Rehearsal, StandingCheck
 
 
 def write_rehearsal(rehearsal: Rehearsal, path: str | Path) -> Path:
@@ -74,7 +74,7 @@ def _part(p: PartRehearsal) -> dict[str, Any]:
     }
 
 
-def _standing(s: Standing | None) -> dict[str, Any] | None:
+def _standing(s: StandingCheck | None) -> dict[str, Any] | None:
     if s is None:
         return None
     return {

@@ -48,7 +48,7 @@ class Options:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Standing:
+class StandingCheck:
     """Whether the structure stands as it should, by how far its parts are from their places once it rests.
 
     Attributes:
@@ -101,7 +101,7 @@ class PartRehearsal:
     attempts: int = 0
     peak_force_n: float | None = None
     touches: tuple[tuple[str, float], ...] = ()
-    standing: Standing | None = None
+    standing: StandingCheck | None = None
 
     @property
     def succeeded(self) -> bool:
@@ -128,7 +128,7 @@ class Rehearsal:
     options: Options
     engine: str
     parts: tuple[PartRehearsal, ...]
-    whole: Standing | None
+    whole: StandingCheck | None
     planned: int
     interrupted: bool
     simulated_s: float

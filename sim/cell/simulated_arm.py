@@ -15,16 +15,16 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
 from mocca_robot.plan.gripper import Grip
-from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Plan
 from mocca_robot.plan.pose import Six, Three, pose_of, rotation_matrix, six
-from mocca_robot.plan.status import ArmState, ExecutionEvent, ExecutionStatus, Outcome
+from mocca_robot.plan.status import ArmState, ExecutionEvent, ExecutionStatus, MotionOutcome
 from mocca_robot.plan.supervision import Stopped
 from planners.robot.tool import SuctionGripper
 from sim.cell.build import Build, phases, settle, speeds
 from sim.cell.cell_model import Pose, Workplace, seat
 from sim.cell.cup import overload
-from sim.cell.fingers import Hand, Track
+from sim.cell.fingers import CellHand, Track
 from sim.cell.world import FRAME_S, CellWorld, Frame
 from sim.cell.wrist_force import touched
 
@@ -61,12 +61,12 @@ class SimulatedCell:
     ) -> None:
         self.place = place
         self.plan = plan
-        self.limits: Limits = plan.cell.limits
+        self.limits: MotionLimits = plan.cell.limits
         self._cancelled = cancelled
         self._build = Build(place, plan)
         fixed = {k: seat(place.assembly.parts[k]) for k in self._build.held}
         self._world = CellWorld(place, {**waiting, **fixed}, FRAME_S / speed)
-        self._hand = Hand(self._world, place.cell.gripper, self.watch)
+        self._hand = CellHand(self._world, place.cell.gripper, self.watch)
         self._current = ""
         self._bias = np.zeros(6)
         self._push: _Push | None = None
@@ -214,11 +214,11 @@ class SimulatedCell:
         """Return the simulated time."""
         return self._world.time_s
 
-    def preflight(self, plan: Plan, first_step: int) -> Outcome:
+    def preflight(self, plan: Plan, first_step: int) -> MotionOutcome:
         """Return SUCCEEDED if `plan` is the one this cell was made for."""
         if plan is not self.plan or first_step != 0:
-            return Outcome(ExecutionStatus.REFUSED, "a rehearsal begins with the first step of its own plan")
-        return Outcome(ExecutionStatus.SUCCEEDED, "", self._state())
+            return MotionOutcome(ExecutionStatus.REFUSED, "a rehearsal begins with the first step of its own plan")
+        return MotionOutcome(ExecutionStatus.SUCCEEDED, "", self._state())
 
     def attend(self) -> ArmState:
         """Let the world go on for a cycle under the present command, and `watch`."""
@@ -261,9 +261,9 @@ class SimulatedCell:
         self._rest()
         return self._hand.grip(width_m, force_n)
 
-    def halt(self, stop: Stopped) -> Outcome:
+    def halt(self, stop: Stopped) -> MotionOutcome:
         """Stop for the reason in `stop`; return that and whether the arm then stands still."""
-        return Outcome(stop.status, stop.detail, stop.state, stop_observed=self.stop())
+        return MotionOutcome(stop.status, stop.detail, stop.state, stop_observed=self.stop())
 
     def stop(self) -> bool:
         """Hold the present joint angles; return whether the arm then stands still."""

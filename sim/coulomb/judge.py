@@ -13,7 +13,7 @@ from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.statics.loads import LoadCase, case_wrenches
-from sim.coulomb.settle import COURSE, Course, Outcome, Settled, settle
+from sim.coulomb.settle import COURSE, Course, Settled, SettlingOutcome, settle
 from sim.coulomb.springs import Springs
 from sim.motion import reach
 
@@ -64,7 +64,7 @@ class Rubbing:
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class CoulombVerdict:
     """What a load case does.
 
     Attributes:
@@ -78,21 +78,21 @@ class Standing:
     @property
     def stands(self) -> bool:
         """Return whether it stands; false also where there is no verdict."""
-        return self.settled.outcome is Outcome.STANDS
+        return self.settled.outcome is SettlingOutcome.STANDS
 
 
-def standing(rubbing: Rubbing, case: LoadCase, course: Course = COURSE) -> Standing:
+def standing(rubbing: Rubbing, case: LoadCase, course: Course = COURSE) -> CoulombVerdict:
     """Return whether the parts that are there stand when the load of `case` grows from zero."""
     assembly = rubbing.assembly
     springs = rubbing.springs(case.present, case.held)
     return told(assembly, settle(springs, case_wrenches(case, assembly, rubbing.contacts), course))
 
 
-def told(assembly: Assembly, settled: Settled) -> Standing:
+def told(assembly: Assembly, settled: Settled) -> CoulombVerdict:
     """Return a verdict with the names of the parts that fall."""
-    if settled.outcome is Outcome.STANDS:
-        return Standing(settled, ())
+    if settled.outcome is SettlingOutcome.STANDS:
+        return CoulombVerdict(settled, ())
     d = assembly.dimension
     shift, turn = settled.motions[:, :d], settled.motions[:, d:]
     way = np.linalg.norm(shift, axis=1) + reach(assembly) * np.linalg.norm(turn, axis=1)
-    return Standing(settled, tuple(p.name for p, w in zip(assembly.parts, way) if w > MOVED * way.max()))
+    return CoulombVerdict(settled, tuple(p.name for p, w in zip(assembly.parts, way) if w > MOVED * way.max()))

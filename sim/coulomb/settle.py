@@ -39,7 +39,7 @@ class Course:
 COURSE = Course()
 
 
-class Outcome(StrEnum):
+class SettlingOutcome(StrEnum):
     """What a run says."""
 
     STANDS = "stands"
@@ -66,7 +66,7 @@ class Settled:
         held: the state and the load (F, dof) in which it ended, to go on from.
     """
 
-    outcome: Outcome
+    outcome: SettlingOutcome
     unbalanced: float
     fastest: float
     farthest: float
@@ -86,9 +86,9 @@ def settle(springs: Springs, wrenches: Array, course: Course = COURSE, after: Se
     """
     load, unit = springs.load(wrenches)
     state, before = _at_rest(springs) if after is None else _copied(after.held)
-    steps, outcome = 0, Outcome.UNDECIDED
+    steps, outcome = 0, SettlingOutcome.UNDECIDED
     seen = _Seen.of(springs, load, state, 0.0)
-    while outcome is Outcome.UNDECIDED and steps < course.most:
+    while outcome is SettlingOutcome.UNDECIDED and steps < course.most:
         advance(springs.contacts, before, load, state, steps, course.look, course.ramp, course.damping, VISCOSITY)
         steps += course.look
         seen = _Seen.of(springs, load, state, 1.0 if after is not None else min(1.0, steps / course.ramp))
@@ -153,9 +153,9 @@ class _Seen:
         )
 
 
-def _outcome(seen: _Seen, steps: int, course: Course) -> Outcome:
+def _outcome(seen: _Seen, steps: int, course: Course) -> SettlingOutcome:
     if seen.farthest > course.gone and seen.power > 0.0:
-        return Outcome.FALLS
+        return SettlingOutcome.FALLS
     if steps >= course.ramp and max(seen.unbalanced, seen.fastest) < course.balanced:
-        return Outcome.STANDS
-    return Outcome.UNDECIDED
+        return SettlingOutcome.STANDS
+    return SettlingOutcome.UNDECIDED

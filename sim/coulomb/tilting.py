@@ -8,8 +8,8 @@ import numpy as np
 
 from mocca_robot.statics.cases import case_at
 from mocca_robot.statics.loads import case_wrenches
-from sim.coulomb.judge import Rubbing, Standing, told
-from sim.coulomb.settle import COURSE, Course, Outcome, settle
+from sim.coulomb.judge import CoulombVerdict, Rubbing, told
+from sim.coulomb.settle import COURSE, Course, SettlingOutcome, settle
 
 RESOLUTION_RAD = float(np.deg2rad(0.1))
 """Width at which the search for a critical tilt ends."""
@@ -27,7 +27,7 @@ class Tilted:
     """What the assembly does at one tilt (radians)."""
 
     angle_rad: float
-    standing: Standing
+    standing: CoulombVerdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,9 +120,9 @@ def _approached(ground: _Ground, stood: Tilted, guess_rad: float) -> tuple[Tilte
 def _past(ground: _Ground, stood: Tilted, over: Tilted, width_rad: float) -> Tilted:
     """Return a tilt that falls, ever farther past one without a verdict; the latter where `PAST` of them have none."""
     for k in range(PAST):
-        if over.standing.settled.outcome is Outcome.FALLS:
+        if over.standing.settled.outcome is SettlingOutcome.FALLS:
             return over
         further = ground.tilted(min(over.angle_rad + 2.0**k * width_rad, np.pi / 2), stood)
-        if further.standing.settled.outcome is Outcome.FALLS:
+        if further.standing.settled.outcome is SettlingOutcome.FALLS:
             return further
     return over

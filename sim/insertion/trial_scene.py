@@ -13,7 +13,7 @@ from mocca_robot.contacts.contact import Contact
 from sim.insertion.directions import InsertionCone
 from sim.insertion.hand import HAND, HandOptions, HandPath
 from sim.motion import LOOK, displacement_and_speed, let_go_gently, reach
-from sim.scene import Compiled, Hand, Scene, compile_scene, with_timestep
+from sim.scene import Compiled, PushingHand, Scene, compile_scene, with_timestep
 from sim.settings import settings_for
 from sim.shapes.contact_model import ContactModel, facets, pieces
 from sim.shapes.flat_pieces import flat_pieces
@@ -101,7 +101,7 @@ def insertion_scene(
         held=np.asarray(held),
         gravity=assembly.gravity,
         settings=settings,
-        hand=Hand(index, stiffness, stiffness * far**2),
+        hand=PushingHand(index, stiffness, stiffness * far**2),
     )
     points = (np.concatenate(polygons),) if polygons else ()
     ready = InsertionScene(

@@ -11,13 +11,13 @@ import pytest
 from ur_cell import REST
 
 from mocca_robot.plan.guards import BEYOND_M, LATERAL_M, PushGuard, check_forces, check_path, check_start
-from mocca_robot.plan.limits import Limits
+from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Waypoint
 from mocca_robot.plan.status import ArmState, ExecutionStatus
 from mocca_robot.plan.supervision import Stopped, parse_state, program_stop, safety_stop
 from mocca_robot.ur.priority import NICE, preferred
 
-LIMITS = Limits()
+LIMITS = MotionLimits()
 DOWN = np.array([0.0, 0.0, -1.0])
 ZERO = np.zeros(6)
 

@@ -15,7 +15,7 @@ from mocca_robot.plan.gripper import Grip
 from mocca_robot.plan.insertion_skill import insert
 from mocca_robot.plan.plan import MoveKind, Plan, Waypoint, insertion_axis
 from mocca_robot.plan.pose import Three, six
-from mocca_robot.plan.status import ArmState, ExecutionStatus, Outcome
+from mocca_robot.plan.status import ArmState, ExecutionStatus, MotionOutcome
 
 PLAN = small_plan(1)
 STEP = PLAN.steps[0]
@@ -32,39 +32,39 @@ class Told:
 
     name = "told"
 
-    def __init__(self, *outcomes: Outcome) -> None:
+    def __init__(self, *outcomes: MotionOutcome) -> None:
         self.outcomes = list(outcomes)
         self.pushes: list[tuple[Array, float]] = []
         self.ways: list[Sequence[Waypoint]] = []
         self.zeroed = 0
 
-    def preflight(self, plan: Plan, first_step: int) -> Outcome:
-        return Outcome(ExecutionStatus.SUCCEEDED)
+    def preflight(self, plan: Plan, first_step: int) -> MotionOutcome:
+        return MotionOutcome(ExecutionStatus.SUCCEEDED)
 
-    def set_payload(self, mass_kg: float, cog_m: Three) -> Outcome:
-        return Outcome(ExecutionStatus.SUCCEEDED)
+    def set_payload(self, mass_kg: float, cog_m: Three) -> MotionOutcome:
+        return MotionOutcome(ExecutionStatus.SUCCEEDED)
 
-    def zero_force(self) -> Outcome:
+    def zero_force(self) -> MotionOutcome:
         self.zeroed += 1
-        return Outcome(ExecutionStatus.SUCCEEDED, "", state_at(self.ways[-1][-1].tcp))
+        return MotionOutcome(ExecutionStatus.SUCCEEDED, "", state_at(self.ways[-1][-1].tcp))
 
-    def follow(self, path: Sequence[Waypoint], *, force_limit_n: float, contact_force_n: float | None) -> Outcome:
+    def follow(self, path: Sequence[Waypoint], *, force_limit_n: float, contact_force_n: float | None) -> MotionOutcome:
         self.ways.append(path)
-        return Outcome(ExecutionStatus.SUCCEEDED)
+        return MotionOutcome(ExecutionStatus.SUCCEEDED)
 
-    def push(self, axis: Array, depth_m: float, *, force_limit_n: float) -> Outcome:
+    def push(self, axis: Array, depth_m: float, *, force_limit_n: float) -> MotionOutcome:
         self.pushes.append((axis, depth_m))
         return self.outcomes.pop(0)
 
-    def grip(self, width_m: float, force_n: float) -> tuple[Outcome, Grip]:
-        return Outcome(ExecutionStatus.SUCCEEDED), Grip(None, None)
+    def grip(self, width_m: float, force_n: float) -> tuple[MotionOutcome, Grip]:
+        return MotionOutcome(ExecutionStatus.SUCCEEDED), Grip(None, None)
 
     def stop(self) -> bool:
         return True
 
 
-def jam(depth_m: float) -> Outcome:
-    return Outcome(ExecutionStatus.JAMMED, depth_m=depth_m)
+def jam(depth_m: float) -> MotionOutcome:
+    return MotionOutcome(ExecutionStatus.JAMMED, depth_m=depth_m)
 
 
 def silent(*_: object) -> None:
@@ -72,7 +72,7 @@ def silent(*_: object) -> None:
 
 
 def test_a_jam_is_left_the_way_it_came_and_the_next_push_runs_elsewhere_in_the_cone() -> None:
-    arm = Told(jam(0.004), Outcome(ExecutionStatus.SUCCEEDED, depth_m=0.008))
+    arm = Told(jam(0.004), MotionOutcome(ExecutionStatus.SUCCEEDED, depth_m=0.008))
     outcome = insert(arm, STEP, MOVE, LIMITS, silent, state_at(MOVE.path[0].tcp))
     assert outcome.succeeded and arm.zeroed == 1
     (first, _), (second, depth) = arm.pushes
@@ -100,7 +100,7 @@ def test_jams_end_after_the_retries_that_are_allowed() -> None:
 
 @pytest.mark.parametrize("status", [ExecutionStatus.FORCE_LIMIT, ExecutionStatus.PROTECTIVE_STOP])
 def test_whatever_is_no_jam_is_never_tried_again(status: ExecutionStatus) -> None:
-    arm = Told(Outcome(status))
+    arm = Told(MotionOutcome(status))
     assert insert(arm, STEP, MOVE, LIMITS, silent).status is status
     assert len(arm.pushes) == 1 and arm.ways == []
 
@@ -110,7 +110,7 @@ def test_a_push_ends_at_the_planned_place_wherever_the_arm_stands(ahead: float) 
     axis, length = insertion_axis(MOVE.path)
     start = np.array(MOVE.path[0].tcp)
     start[:3] += ahead * axis
-    arm = Told(Outcome(ExecutionStatus.SUCCEEDED, depth_m=length - ahead))
+    arm = Told(MotionOutcome(ExecutionStatus.SUCCEEDED, depth_m=length - ahead))
     outcome = insert(arm, STEP, MOVE, LIMITS, silent, state_at(start.tolist()))
     assert arm.pushes[0][1] == pytest.approx(length - ahead)
     assert outcome.depth_m == pytest.approx(length)

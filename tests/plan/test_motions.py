@@ -14,7 +14,7 @@ from mocca_robot.plan.gripper import Grip
 from mocca_robot.plan.motions import LEAD_IN_S, Motions
 from mocca_robot.plan.plan import MoveKind, Plan, insertion_axis
 from mocca_robot.plan.pose import Six, Three, six
-from mocca_robot.plan.status import ArmState, ExecutionStatus, Outcome
+from mocca_robot.plan.status import ArmState, ExecutionStatus, MotionOutcome
 from mocca_robot.plan.supervision import Stopped
 
 PLAN = small_plan(1, short=True)
@@ -54,8 +54,8 @@ class Obedient:
     def now(self) -> float:
         return self.time_s
 
-    def preflight(self, plan: Plan, first_step: int) -> Outcome:
-        return Outcome(ExecutionStatus.SUCCEEDED)
+    def preflight(self, plan: Plan, first_step: int) -> MotionOutcome:
+        return MotionOutcome(ExecutionStatus.SUCCEEDED)
 
     def watch(self) -> ArmState:
         self._note("watch")
@@ -111,9 +111,9 @@ class Obedient:
         self._note("grip")
         return Grip(width_m, True)
 
-    def halt(self, stop: Stopped) -> Outcome:
+    def halt(self, stop: Stopped) -> MotionOutcome:
         self.halted.append(stop)
-        return Outcome(stop.status, stop.detail, stop.state, stop_observed=self.stop())
+        return MotionOutcome(stop.status, stop.detail, stop.state, stop_observed=self.stop())
 
     def stop(self) -> bool:
         self.stops += 1
@@ -121,27 +121,27 @@ class Obedient:
         return True
 
 
-def follow(motions: Motions) -> Outcome:
+def follow(motions: Motions) -> MotionOutcome:
     path = MOVES[MoveKind.APPROACH].path
     return motions.follow(path, force_limit_n=20.0, contact_force_n=5.0)
 
 
-def push(motions: Motions) -> Outcome:
+def push(motions: Motions) -> MotionOutcome:
     return motions.push(AXIS, DEPTH, force_limit_n=20.0)
 
 
-def grip(motions: Motions) -> Outcome:
+def grip(motions: Motions) -> MotionOutcome:
     return motions.grip(0.02, 20.0)[0]
 
 
-def carry(motions: Motions) -> Outcome:
+def carry(motions: Motions) -> MotionOutcome:
     return motions.set_payload(1.2, (0.0, 0.0, 0.05))
 
 
 MOTIONS = {"follow": follow, "push": push, "grip": grip, "carry": carry, "zero": Motions.zero_force}
 
 
-def commands_of(motion: Callable[[Motions], Outcome]) -> tuple[tuple[str, int], ...]:
+def commands_of(motion: Callable[[Motions], MotionOutcome]) -> tuple[tuple[str, int], ...]:
     """Return the first, the middle and the last call of each command that an undisturbed motion gives."""
     arm = Obedient()
     assert motion(Motions(arm)).succeeded and arm.stops == 0

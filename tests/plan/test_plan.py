@@ -15,7 +15,7 @@ from ur_cell import small_plan
 
 from mocca_robot.errors import InputError
 from mocca_robot.plan.dry_run import dry_run
-from mocca_robot.plan.limits import HARD_CAPS, Limits
+from mocca_robot.plan.limits import HARD_CAPS, MotionLimits
 from mocca_robot.plan.plan import document, write_plan
 from mocca_robot.plan.reader import file_sha256, plan_from_document, read_plan
 from mocca_robot.plan.safety import findings, require_sound
@@ -60,7 +60,7 @@ def test_sound_plan_has_no_findings_and_its_dry_run_shows_every_waypoint() -> No
     assert result.findings == ()
     assert len(result.rows) == sum(len(p) for p in paths)
     assert all(math.isfinite(v) for r in result.rows for v in (*r.q, *r.tcp, r.speed_m_s))
-    assert max(r.speed_m_s for r in result.rows) <= Limits().transfer_speed_m_s
+    assert max(r.speed_m_s for r in result.rows) <= MotionLimits().transfer_speed_m_s
     lines = result.text().splitlines()
     assert sum(" tcp " in line for line in lines) == len(result.rows)
     assert json.loads(json.dumps(result.document()))["findings"] == []
@@ -204,12 +204,12 @@ def test_altered_design_is_refused(tmp_path: Path) -> None:
 def test_configuration_lowers_every_cap_and_raises_none(name: str) -> None:
     cap = getattr(HARD_CAPS, name)
     safer, riskier = (2 * cap, 0.5 * cap) if name == "watchdog_hz" else (0.9 * cap, 1.01 * cap + 1e-9)
-    assert getattr(Limits().lowered({name: safer}), name) == (int(safer) if name == "retries" else safer)
+    assert getattr(MotionLimits().lowered({name: safer}), name) == (int(safer) if name == "retries" else safer)
     for bad in (riskier, math.nan, math.inf, -cap, "1", None, True):
         with pytest.raises(InputError, match=f"'{name}'"):
-            Limits().lowered({name: bad})
+            MotionLimits().lowered({name: bad})
 
 
 def test_lowered_cap_is_obeyed_by_the_checks() -> None:
-    slow = replace(PLAN, cell=replace(PLAN.cell, limits=Limits().lowered({"transfer_speed_m_s": 0.05})))
+    slow = replace(PLAN, cell=replace(PLAN.cell, limits=MotionLimits().lowered({"transfer_speed_m_s": 0.05})))
     assert any("0 to 0.05 m/s" in str(f) for f in findings(slow))

@@ -16,7 +16,7 @@ from planners.cone_joints import curvature, descent
 from planners.cone_joints.curvature import Products, Written
 from planners.cone_joints.descent import Linear
 from planners.cone_joints.designer import design
-from planners.cone_joints.unknowns import Layout, Parameters, Problem
+from planners.cone_joints.unknowns import JointParameters, JointProblem, UnknownsLayout
 
 DOME = {"blocks": [8, 7, 5], "thickness": 0.15, "snap": 0.2}
 
@@ -26,7 +26,7 @@ def linearised_of(assembly: Assembly, monkeypatch: pytest.MonkeyPatch, limit: in
     found: list[Linear] = []
     original = descent.linearised
 
-    def kept(problem: Problem, layout: Layout, parameters: Parameters, warm: object = None) -> Linear:
+    def kept(problem: JointProblem, layout: UnknownsLayout, parameters: JointParameters, warm: object = None) -> Linear:
         found.append(original(problem, layout, parameters))
         raise InterruptedError
 

@@ -17,7 +17,7 @@ from planners.cone_joints.descent import evaluate, linearised, moved_wrenches, v
 from planners.cone_joints.designer import margin_cases
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.shapes2d import Shapes2D
-from planners.cone_joints.unknowns import Layout, Parameters, Problem
+from planners.cone_joints.unknowns import JointParameters, JointProblem, UnknownsLayout
 
 
 def tilted_wall(tilt_rad: float, scale: float = 1.0) -> Assembly:
@@ -38,7 +38,7 @@ def tilted_wall(tilt_rad: float, scale: float = 1.0) -> Assembly:
     return Assembly("wall", tuple(parts))
 
 
-def problem_of(assembly: Assembly, alpha: bool = True) -> tuple[Problem, Parameters]:
+def problem_of(assembly: Assembly, alpha: bool = True) -> tuple[JointProblem, JointParameters]:
     contacts = find_contacts(assembly).contacts
     required = load_cases(assembly)
     loads = Loads.of(assembly, contacts, (*required, *margin_cases(assembly, required, 0.02)))
@@ -53,7 +53,7 @@ def problem_of(assembly: Assembly, alpha: bool = True) -> tuple[Problem, Paramet
     lean = 0.1 * rng.standard_normal((len(shapes.pair_normal), 1))
     curved = np.ones(len(contacts), dtype=np.bool_)
     turning = np.full(len(assembly.parts), alpha)
-    problem = Problem(
+    problem = JointProblem(
         shapes=shapes,
         loads=loads,
         required=len(required),
@@ -61,7 +61,7 @@ def problem_of(assembly: Assembly, alpha: bool = True) -> tuple[Problem, Paramet
         alpha_rad=assembly.alpha_rad if alpha else None,
         turning=turning,
     )
-    return problem, Parameters(shape, lean, axis, curved)
+    return problem, JointParameters(shape, lean, axis, curved)
 
 
 @pytest.mark.parametrize("kind", ["n", "z"])
@@ -71,7 +71,7 @@ def test_gradient_agrees_with_central_differences(kind: str) -> None:
         shapes = problem.shapes.with_kinds(["z"] * len(problem.pairs))
         problem = replace(problem, shapes=shapes)
         start.shape[:, 3] = -start.shape[:, 2]
-    layout = Layout.of(problem, start)
+    layout = UnknownsLayout.of(problem, start)
     here = linearised(problem, layout, start)
     size = sum(layout.sizes)
     assert here.value > 1e-4

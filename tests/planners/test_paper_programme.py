@@ -22,7 +22,7 @@ from planners.baselines.paper_programme import paper_design
 from planners.cone_joints.descent import PENALTY_WEIGHT, evaluate, hinge_values, surface_of
 from planners.cone_joints.energy import energy
 from planners.cone_joints.shapes2d import Shapes2D
-from planners.cone_joints.unknowns import Layout, Parameters
+from planners.cone_joints.unknowns import JointParameters, UnknownsLayout
 
 
 def overhang(beyond: float) -> Assembly:
@@ -56,11 +56,11 @@ def test_the_envelope_gradient_is_the_derivative_of_what_is_minimised():
     assembly = leaning_wall(5)
     assembly = Assembly(assembly.name, assembly.parts, alpha_rad=np.deg2rad(25.0))
     problem, start = planar_problem(assembly, JointOptions())
-    layout = Layout.of(problem, start)
+    layout = UnknownsLayout.of(problem, start)
     rng = np.random.default_rng(3)
     low, high = problem.shapes.bounds()
     shape = rng.uniform(low + 0.2 * (high - low), high - 0.2 * (high - low))
-    somewhere = Parameters(shape, rng.uniform(-0.3, 0.3, start.lean.shape), start.axis, start.curved)
+    somewhere = JointParameters(shape, rng.uniform(-0.3, 0.3, start.lean.shape), start.axis, start.curved)
 
     def value(step):
         parameters = layout.moved(somewhere, step)

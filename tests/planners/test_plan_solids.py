@@ -28,7 +28,7 @@ from planners.robot.grasp import find_grasps
 from planners.robot.grasp_suction import pull
 from planners.robot.rays import first_hits
 from planners.robot.recheck import recheck
-from planners.robot.scene import Scene
+from planners.robot.scene import CellScene
 from planners.robot.site import site
 from planners.robot.tool import ParallelGripper, SuctionGripper
 from planners.robot.transit import connect
@@ -179,7 +179,7 @@ def test_a_plan_read_back_describes_the_same_cell_structure_and_tray(tmp_path: P
 
 def test_the_share_of_the_cone_that_is_called_usable_can_be_used() -> None:
     result = built()
-    bench = Bench(result.cell, result.site, Scene(result.cell, result.site))
+    bench = Bench(result.cell, result.site, CellScene(result.cell, result.site))
     bench.clear(result.tray)
     assembly = result.site.assembly
     for step, report in zip(plan_of(result).steps, result.reports, strict=True):

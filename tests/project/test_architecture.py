@@ -141,3 +141,11 @@ def test_long_records_name_their_fields() -> None:
             if name in known or name == "cls":
                 found.append(f"{name_of(path)}:{call.lineno} {name}")
     assert not found, "name the fields; records of more than five take kw_only=True"
+
+
+def test_a_class_name_tells_one_thing() -> None:
+    places: dict[str, list[str]] = {}
+    for path in (*MODULES, *(ROOT / "benchmarks").rglob("*.py")):
+        for name in classes_of(path):
+            places.setdefault(name, []).append(name_of(path))
+    assert not {name: where for name, where in places.items() if len(where) > 1}

@@ -16,7 +16,7 @@ from benchmarks.__main__ import main
 from benchmarks.cases import KINDS, wall
 from benchmarks.contacts import box_wall
 from benchmarks.growth import STRUCTURES
-from benchmarks.measurement import Measurement, Outcome, measure
+from benchmarks.measurement import Measurement, ToolAnswer, measure
 from benchmarks.page import chapters_of, write_page
 from benchmarks.profile import profile
 from benchmarks.store import changes, keep, read
@@ -45,12 +45,12 @@ def test_an_unknown_case_is_an_error(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_a_tool_that_fails_or_hangs_is_a_row() -> None:
-    def broken() -> Outcome:
+    def broken() -> ToolAnswer:
         raise ValueError("no such thing")
 
-    def endless() -> Outcome:
+    def endless() -> ToolAnswer:
         time.sleep(60)
-        return Outcome("never")
+        return ToolAnswer("never")
 
     assert measure("b", "c", "t", broken).verdict.startswith("failed: ValueError: no such thing")
     assert measure("b", "c", "t", endless, limit_s=0.3).verdict == "timeout"

@@ -20,7 +20,7 @@ from ur_cell import small_plan
 
 from mocca_robot.cli import main
 from mocca_robot.cli.parser import build_parser
-from mocca_robot.cli.reasons import Finding
+from mocca_robot.cli.reasons import NegativeVerdict
 from mocca_robot.config.config import load
 from mocca_robot.config.keys import Key
 from mocca_robot.config.schema import KEYS
@@ -158,8 +158,8 @@ def test_every_verdict_and_error_is_explained() -> None:
     headings = set(re.findall(r"^### (\w+)$", page, re.MULTILINE))
     sources = [*(ROOT / "mocca_robot" / "cli").glob("*.py")]
     kinds = {k for s in sources for k in re.findall(r'Finding\(\s*"(\w+)"', s.read_text(encoding="utf-8"))}
-    assert Finding.__doc__ is not None
-    named = set(re.findall(r"'(\w+)'", Finding.__doc__))
+    assert NegativeVerdict.__doc__ is not None
+    named = set(re.findall(r"'(\w+)'", NegativeVerdict.__doc__))
     errors = {
         MoccaError.__name__,
         *(c.__name__ for c in MoccaError.__subclasses__() if c.__module__.endswith(".errors")),

@@ -11,7 +11,7 @@ from mocca_robot.statics.loads import tilted_gravity
 from sim.disagreement import cause
 from sim.scene import with_gravity
 from sim.shapes.contact_model import contact_model
-from sim.stability import Limits, Verdict, judged
+from sim.stability import StabilityLimits, Verdict, judged
 from sim.tilt import tilt_scene
 
 CASES = [(kind, seed) for kind in ("stack", "wall", "arch", "voronoi") for seed in (0, 1)]
@@ -40,7 +40,7 @@ def test_contacts_that_are_too_soft_are_found_to_be_the_cause() -> None:
     assembly = tongue(0.004)
     contacts = find_contacts(assembly).contacts
     scene = tilt_scene(assembly, contact_model(assembly, contacts))
-    soft = judged(scene, Limits(finer=()))
+    soft = judged(scene, StabilityLimits(finer=()))
     assert soft.verdict is Verdict.FELL
     assert cause(assembly, contacts, case_at(assembly, 0.0, 0.0), scene, soft).startswith("soft contacts: stands")
 
@@ -54,7 +54,7 @@ def test_a_fall_of_parts_that_press_on_each_other_is_not_excused() -> None:
         tilt_scene(assembly, contact_model(assembly, contacts, 0.3), 0.3), tilted_gravity(assembly.gravity, tilt, 0.0)
     )
     scene.model.pair_friction[:, :2] = 0.1
-    fell = judged(scene, Limits(finer=()))
+    fell = judged(scene, StabilityLimits(finer=()))
     assert fell.verdict is Verdict.FELL
     assert cause(assembly, contacts, case_at(assembly, tilt, 0.0), scene, fell).startswith("none found")
 

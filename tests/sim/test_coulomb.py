@@ -14,8 +14,8 @@ from mocca_robot.assembly import Assembly, Part, Polygon
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.statics.cases import case_at
-from sim.coulomb.judge import Rubbing, Standing, standing
-from sim.coulomb.settle import Course, Outcome, settle
+from sim.coulomb.judge import CoulombVerdict, Rubbing, standing
+from sim.coulomb.settle import Course, SettlingOutcome, settle
 from sim.coulomb.springs import Springs
 from sim.coulomb.tilting import tilt_bracket
 
@@ -28,14 +28,14 @@ def rubbing(parts: list[Part], friction: float) -> Rubbing:
     return Rubbing(assembly, find_contacts(assembly).contacts, friction)
 
 
-def upright(parts: list[Part], friction: float) -> Standing:
+def upright(parts: list[Part], friction: float) -> CoulombVerdict:
     rubs = rubbing(parts, friction)
     return standing(rubs, case_at(rubs.assembly, 0.0, 0.0))
 
 
 def critical_deg(rubs: Rubbing, azimuth_rad: float = 0.0, guess_deg: float = 45.0) -> float:
     found = tilt_bracket(rubs, azimuth_rad, np.deg2rad(guess_deg))
-    assert found.fell is None or found.fell.standing.settled.outcome is Outcome.FALLS
+    assert found.fell is None or found.fell.standing.settled.outcome is SettlingOutcome.FALLS
     return float(np.rad2deg(found.critical_rad))
 
 
@@ -104,7 +104,7 @@ def test_a_slender_block_topples_at_atan_of_width_over_height(scale: float, dime
 def test_a_block_between_parallel_walls_falls_whatever_the_friction(scale: float, friction: float) -> None:
     walls = [Part(f"w{x}", rectangle(x * scale, 0, scale, 3 * scale), fixed=True) for x in (-1, 1)]
     found = upright([*walls, Part("block", rectangle(0.0, scale, scale, scale))], friction)
-    assert found.settled.outcome is Outcome.FALLS
+    assert found.settled.outcome is SettlingOutcome.FALLS
     assert found.moved == ("block",)
     assert found.settled.motions[-1, 1] < 0.0
     assert found.settled.power > 0.0
@@ -115,7 +115,7 @@ def test_a_block_between_parallel_walls_falls_whatever_the_friction(scale: float
 def test_a_pin_holds_from_the_eccentricity_that_clamps_it(scale: float, friction: float) -> None:
     """Two forces in opposite corners of the slot, each at the border of its cone: e/H = 1/(2μ)."""
     needed = 1.0 / (2.0 * friction)
-    assert upright(pin(0.99 * needed, scale), friction).settled.outcome is Outcome.FALLS
+    assert upright(pin(0.99 * needed, scale), friction).settled.outcome is SettlingOutcome.FALLS
     assert upright(pin(1.01 * needed, scale), friction).stands
 
 
@@ -123,7 +123,7 @@ def test_a_pin_holds_from_the_eccentricity_that_clamps_it(scale: float, friction
 def test_an_arch_of_27_stands_from_the_thickness_of_a_thrust_line_inside_it(scale: float) -> None:
     """0.1075 for arches cut anywhere; hinges form only where voussoirs meet, so that 27 stand with a little less."""
     assert upright(arch(0.1075, scale), 0.55).stands
-    assert upright(arch(0.1065, scale), 0.55).settled.outcome is Outcome.FALLS
+    assert upright(arch(0.1065, scale), 0.55).settled.outcome is SettlingOutcome.FALLS
 
 
 @pytest.mark.parametrize("scale", SCALES)
@@ -175,7 +175,7 @@ def test_neither_stiffness_nor_weight_changes_anything(factor: float) -> None:
             stiffness=np.full(2, stiffness),
         )
         found = settle(springs, weight * wrenches)
-        assert found.outcome is Outcome.STANDS
+        assert found.outcome is SettlingOutcome.STANDS
         return found.forces / weight
 
     assert settled(factor, 1.0) == pytest.approx(settled(1.0, 1.0), rel=1e-9)
@@ -185,7 +185,7 @@ def test_neither_stiffness_nor_weight_changes_anything(factor: float) -> None:
 def test_parts_that_nothing_joins_to_the_ground_fall() -> None:
     lone = [ground(1.0, 2), Part("low", rectangle(0, 1, 1, 1)), Part("high", rectangle(0, 2, 1, 1))]
     found = upright(lone, 0.5)
-    assert found.settled.outcome is Outcome.FALLS
+    assert found.settled.outcome is SettlingOutcome.FALLS
     assert found.moved == ("low", "high")
 
 
@@ -196,7 +196,7 @@ def test_nothing_free_stands() -> None:
 def test_a_run_that_is_cut_short_gives_no_verdict() -> None:
     rubs = rubbing([ground(1.0, 2), block(1.0, 2, 0.8)], 0.5)
     found = standing(rubs, case_at(rubs.assembly, 0.0, 0.0), Course(most=1000))
-    assert found.settled.outcome is Outcome.UNDECIDED
+    assert found.settled.outcome is SettlingOutcome.UNDECIDED
     assert not found.stands
 
 

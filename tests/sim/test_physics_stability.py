@@ -20,7 +20,7 @@ from sim.motion import run
 from sim.scene import compile_scene, with_gravity
 from sim.settings import settings_for
 from sim.shapes.contact_model import contact_model, facets, pieces
-from sim.stability import Limits, Verdict, at_once, free_scene, judged, stability
+from sim.stability import StabilityLimits, Verdict, at_once, free_scene, judged, stability
 from sim.states import state_result
 from sim.tilt import RESOLUTION, azimuths, physical_tilt, tilt_scene
 
@@ -162,7 +162,7 @@ def test_contacts_under_many_times_the_weight_still_hold():
     assert forces.forces.max() > 20.0 * assembly.parts[1].mass * 9.81
     scene = free_scene(assembly, pieces(assembly, contacts))
     assert stability(scene).stands
-    soft = stability(scene, Limits(finer=()))
+    soft = stability(scene, StabilityLimits(finer=()))
     assert not soft.stands, "the coarse step alone decides already: nothing is shown here"
     assert stability(scene).timestep < soft.timestep
 
@@ -172,7 +172,7 @@ def test_the_tilt_search_goes_on_above_falls_that_finer_steps_do_not_confirm():
     assembly = tongue(0.004)
     contacts = find_contacts(assembly).contacts
     compiled = tilt_scene(assembly, pieces(assembly, contacts))
-    assert physical_tilt(compiled, contacts, 0.0, limits=Limits(finer=())).critical_rad == 0.0
+    assert physical_tilt(compiled, contacts, 0.0, limits=StabilityLimits(finer=())).critical_rad == 0.0
     assert 0.0 < physical_tilt(compiled, contacts, 0.0).critical_rad < RESOLUTION
 
 
@@ -182,7 +182,7 @@ def test_creep_of_friction_is_no_fall_where_statics_holds():
     contacts = find_contacts(assembly).contacts
     critical = critical_tilt(assembly, contacts, 0.0, 0.6)
     scene = tilt_scene(assembly, facets(contacts, friction=0.6), 0.6)
-    limits = Limits(finer=(3.0,), finest=30.0)
+    limits = StabilityLimits(finer=(3.0,), finest=30.0)
 
     def verdict(off_deg, doubted):
         gravity = tilted_gravity(assembly.gravity, critical + np.deg2rad(off_deg))

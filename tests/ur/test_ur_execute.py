@@ -144,7 +144,7 @@ def test_missing_client_library_is_named_with_the_remedy(monkeypatch: pytest.Mon
 
     monkeypatch.setattr(link.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(EnvironmentNeeded, match=r"pip install 'mocca-robot\[robot\]'"):
-        link.Link("eyes", "127.0.0.1", 1.0)
+        link.ChildLink("eyes", "127.0.0.1", 1.0)
 
 
 @pytest.mark.parametrize(

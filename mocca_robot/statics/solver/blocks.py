@@ -15,7 +15,7 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.statics.solver import kernels
 from mocca_robot.statics.solver.banded import BandedLayout
-from mocca_robot.statics.solver.factors import Factor, Layout
+from mocca_robot.statics.solver.factors import Factor, FactorLayout
 from mocca_robot.statics.solver.sparse import SparseLayout
 
 NARROW = 100
@@ -144,7 +144,7 @@ class PairBlocks:
         return np.asarray(self.to_own.transpose(0, 2, 1) @ self.to_own)
 
     @cached_property
-    def layout(self) -> Layout:
+    def layout(self) -> FactorLayout:
         """Return where the blocks lie in the normal matrix: in a band, or, where that is faster, in sparse columns."""
         graph = self.first, self.second, len(self.to_own)
         banded = BandedLayout.of(*graph, self.dof)

@@ -40,8 +40,8 @@ FAR = 100.0
 """Displacement of parts that fall, over what springs give; what comes to rest only beyond it has slid away."""
 
 
-@dataclass(frozen=True, eq=False)
-class Settled:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StepsSettled:
     """What one load brings about.
 
     Attributes:
@@ -65,7 +65,7 @@ class _Counter:
     programs: int = 0
 
 
-def rest(problem: CompliantCones, start: Array | None = None) -> Settled:
+def rest(problem: CompliantCones, start: Array | None = None) -> StepsSettled:
     """Return how parts come to rest under a load of unit norm, or that rest was not found in a few cone programs.
 
     `problem` has no inertia; `start` (n,) are displacements under a similar load. Where it does not rest, `point` is
@@ -87,7 +87,7 @@ def rest(problem: CompliantCones, start: Array | None = None) -> Settled:
     return _settled(at(problem, first.u), count)
 
 
-def move(problem: CompliantCones, elastic: Settled) -> Settled:
+def move(problem: CompliantCones, elastic: StepsSettled) -> StepsSettled:
     """Return where parts move that were not found at rest: to rest after all, or on and on.
 
     One step of time follows the other, each from where the last ended but without its speed, and, while they can be
@@ -153,8 +153,8 @@ def _settled(
     falls: bool = False,
     speed: Array | None = None,
     shares: tuple[float, ...] = (),
-) -> Settled:
-    return Settled(point, rests, falls, speed, count.programs, shares)
+) -> StepsSettled:
+    return StepsSettled(point=point, rests=rests, falls=falls, speed=speed, programs=count.programs, shares=shares)
 
 
 def _step_of_time(step: CompliantCones, here: Array, guess: Array, count: _Counter) -> CoulombPoint | None:

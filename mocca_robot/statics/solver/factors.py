@@ -19,7 +19,7 @@ class Factor(Protocol):
         """Return the solution for one right-hand side (n,)."""
 
 
-class Layout(Protocol):
+class FactorLayout(Protocol):
     """An order of the unknowns, and which entries the factor then has."""
 
     def room(self) -> Array:

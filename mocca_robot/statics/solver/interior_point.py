@@ -18,7 +18,7 @@ from mocca_robot.runtime.threads import on_all_cores, with_one_blas_thread
 from mocca_robot.statics.solver.blocks import PairBlocks
 from mocca_robot.statics.solver.face import on_face
 from mocca_robot.statics.solver.factors import NotPositiveDefinite
-from mocca_robot.statics.solver.newton import Iterate, Point, Problem
+from mocca_robot.statics.solver.newton import Iterate, PrimalDual, UnitLoad
 from mocca_robot.statics.solver.solvers import SolverFailed
 from mocca_robot.statics.solver.system import ContactSystem
 
@@ -56,12 +56,12 @@ class Kept:
     """
 
     pull: Array
-    point: Point | None
+    point: PrimalDual | None
     z: Array | None = None
     pressing: BoolArray | None = None
     before: Kept | None = None
 
-    def towards(self, pull: Array) -> Point | None:
+    def towards(self, pull: Array) -> PrimalDual | None:
         """Return where to start for another load: the kept point, carried on where three loads lie in a row."""
         if self.point is None or self.before is None or self.before.point is None:
             return self.point
@@ -71,7 +71,7 @@ class Kept:
             return self.point
         new, old = self.point, self.before.point
         s, z = (x * np.clip(x / y, 0.5, 2.0) ** ratio for x, y in ((new.s, old.s), (new.z, old.z)))
-        return Point(new.u + ratio * (new.u - old.u), s, z)
+        return PrimalDual(new.u + ratio * (new.u - old.u), s, z)
 
 
 @with_one_blas_thread
@@ -97,7 +97,7 @@ def _solve_chain(blocks: PairBlocks, c: Array, loads: Array, motions: Array, for
     kept: Kept | None = None
     for k, load in enumerate(loads):
         scale = float(np.linalg.norm(load)) or 1.0
-        problem = Problem(blocks, blocks.own_transposed(load) / scale, c[blocks.source] / scale)
+        problem = UnitLoad(blocks, blocks.own_transposed(load) / scale, c[blocks.source] / scale)
         if kept is not None and float(np.linalg.norm(problem.pull - kept.pull)) > NEAR_LOAD:
             kept = None
         z, residual, after = _solved(problem, kept)
@@ -110,7 +110,7 @@ def _solve_chain(blocks: PairBlocks, c: Array, loads: Array, motions: Array, for
         kept = replace(after, before=None if kept is None else replace(kept, before=None))
 
 
-def _solved(problem: Problem, kept: Kept | None) -> tuple[Array, float, Kept]:
+def _solved(problem: UnitLoad, kept: Kept | None) -> tuple[Array, float, Kept]:
     """Return multipliers of the rays, the residual reached, and what to keep for the next load."""
     if kept is not None and kept.z is not None and kept.pressing is not None:
         found = on_face(problem.blocks, problem.pull, problem.c, kept.z, kept.pressing)
@@ -123,7 +123,7 @@ def _solved(problem: Problem, kept: Kept | None) -> tuple[Array, float, Kept]:
     return _iterated(problem, Iterate(problem, _beginning(problem)), None)
 
 
-def _iterated(problem: Problem, x: Iterate, past: Point | None) -> tuple[Array, float, Kept]:
+def _iterated(problem: UnitLoad, x: Iterate, past: PrimalDual | None) -> tuple[Array, float, Kept]:
     """Iterate from x to the answer; results as of `_solved`. `past` is to be kept, if there is one already."""
     best, best_residual, stalled = np.empty_like(x.z), np.inf, 0
     try_below, guess_below = (0.0 if problem.c.any() else NEARLY_BALANCED), GUESS_BELOW
@@ -160,7 +160,7 @@ def _iterated(problem: Problem, x: Iterate, past: Point | None) -> tuple[Array, 
     return best, best_residual, Kept(problem.pull, past)
 
 
-def _beginning(problem: Problem) -> Point:
+def _beginning(problem: UnitLoad) -> PrimalDual:
     """Return forces of the order of a part's weight and slacks of its velocity per unit of mass, no motion.
 
     The more rays share a pair, the smaller their slacks: the gap sᵀz stays what one part is worth.
@@ -168,10 +168,10 @@ def _beginning(problem: Problem) -> Point:
     weight = 1.0 / np.sqrt(len(problem.blocks.to_own))
     rays = max(len(problem.c) / max(len(problem.blocks.first), 1), A_FEW_RAYS)
     slacks = np.maximum(problem.c, 0.03 * weight * A_FEW_RAYS / rays)
-    return Point(np.zeros_like(problem.pull), slacks, np.full(len(slacks), weight))
+    return PrimalDual(np.zeros_like(problem.pull), slacks, np.full(len(slacks), weight))
 
 
-def _recentred(problem: Problem, point: Point) -> Iterate | None:
+def _recentred(problem: UnitLoad, point: PrimalDual) -> Iterate | None:
     """Return one step from `point`, on the central path of another load, to that of this one; None if it is far."""
     x = Iterate(problem, point)
     before = x.gap

@@ -26,7 +26,7 @@ REFINE_FROM = 1e9
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class UnitLoad:
     """One load of unit norm: pull (n,) about the common point, c (M,) the slack of every ray of `blocks`."""
 
     blocks: PairBlocks
@@ -35,7 +35,7 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class PrimalDual:
     """Motion u (n,) about the common point, slacks s and multipliers z (M,) of the rays."""
 
     u: Array
@@ -47,7 +47,7 @@ class Iterate:
     """A point on its way, with its residuals and the weights of the next step.
 
     Attributes:
-        u, s, z: as in `Point`; changed in place.
+        u, s, z: as in `PrimalDual`; changed in place.
         weights: (M,) z/s.
         inertia: (n,) YᵀYu.
         unbalanced: (n,) Yᵀ(w + Bᵀz).
@@ -55,7 +55,7 @@ class Iterate:
         primal: largest |B u + c − s|.
     """
 
-    def __init__(self, problem: Problem, point: Point) -> None:
+    def __init__(self, problem: UnitLoad, point: PrimalDual) -> None:
         self.problem, self.blocks = problem, problem.blocks
         self.u, self.s, self.z = point.u, point.s.copy(), point.z.copy()
         pairs, dof = len(self.blocks.first), self.blocks.dof
@@ -68,9 +68,9 @@ class Iterate:
         self.primal = float(np.abs(self._missing).max(initial=0.0))
         self._advance(0.0)
 
-    def point(self) -> Point:
+    def point(self) -> PrimalDual:
         """Return a copy of where it stands."""
-        return Point(self.u, self.s.copy(), self.z.copy())
+        return PrimalDual(self.u, self.s.copy(), self.z.copy())
 
     def step(self, centre: float | None = None) -> None:
         """Go one predictor–corrector step, or, `centre` given, back to the point of the central path with that μ.

@@ -83,7 +83,7 @@ class Trigger:
 
 
 @dataclass(frozen=True)
-class Seat:
+class SeatStop:
     """Where a part slides in: a line that ends on a stiff stop."""
 
     start: Array
@@ -99,7 +99,7 @@ class World:
         parts: (3,) tool position at which a part of that width can be gripped.
     """
 
-    seats: list[Seat] = field(default_factory=list)
+    seats: list[SeatStop] = field(default_factory=list)
     parts: list[tuple[Array, float]] = field(default_factory=list)
     active: set[Fault] = field(default_factory=set)
     _early_point: Array | None = None
@@ -116,7 +116,7 @@ class World:
                 if move.kind is MoveKind.INSERT:
                     for path in (move.path, *move.alternatives):
                         axis, depth = insertion_axis(path)
-                        world.seats.append(Seat(np.array(path[0].tcp[:3]), axis, depth))
+                        world.seats.append(SeatStop(np.array(path[0].tcp[:3]), axis, depth))
         return world
 
     def force(self, position: Array, velocity: Array, push: Array | None) -> Array:
