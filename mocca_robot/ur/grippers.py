@@ -98,9 +98,13 @@ class RobotiqSocket(_NotInTheState):
         return answer.decode(errors="replace").strip()
 
 
+ROBOTIQ: dict[str, type[RobotiqSocket]] = {"2f85": RobotiqSocket}
+"""The two-finger grippers by the name that a plan gives them."""
+
+
 def connect(plan: Plan, host: str) -> Gripper:
     """Return the plan's gripper, connected; InputError for one that cannot be driven."""
     require_drivable(plan)
     if plan.cell.vacuum is not None and plan.gripper == "suction":
         return SuctionCup(host, plan.cell.vacuum, 0.5 * sum(plan.cell.gripper_stroke_m))
-    return NoGripper() if plan.gripper == "none" else RobotiqSocket(host)
+    return NoGripper() if plan.gripper == "none" else ROBOTIQ[plan.gripper](host)

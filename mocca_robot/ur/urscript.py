@@ -22,7 +22,7 @@ from mocca_robot.plan.pose import distance_m
 from mocca_robot.plan.push_frame import frame_along
 from mocca_robot.plan.safety import require_sound
 from mocca_robot.plan.wiring import VacuumWiring, bank_and_number
-from mocca_robot.ur.grippers import RobotiqSocket
+from mocca_robot.ur.grippers import ROBOTIQ, RobotiqSocket
 from mocca_robot.ur.suction import FLICKER_S
 
 BLEND_M = 0.002
@@ -120,7 +120,7 @@ def urscript(plan: Plan) -> str:
         f"  set_tcp({_pose(cell.tcp_offset)})",
         f"  set_payload({_number(cell.tool_mass_kg)}, {_list(cell.tool_cog_m)})",
     ]
-    if plan.gripper == "2f85":
+    if plan.gripper in ROBOTIQ:
         out += _gripper_helpers()
     if plan.cell.vacuum is not None and plan.gripper == "suction":
         out += _vacuum_helpers(plan.cell.vacuum)
@@ -312,7 +312,8 @@ def _grip(plan: Plan, step: Step, move: Move) -> list[str]:
         return [f'  popup("{word} part {_plain(step.part)}.", title="mocca-robot", blocking=True)', payload]
     if plan.gripper == "suction":
         return [*_suck(plan, step, picks), payload]
-    stroke, (low, high) = RobotiqSocket.STROKE_M, RobotiqSocket.FORCE_N
+    fingers = ROBOTIQ[plan.gripper]
+    stroke, (low, high) = fingers.STROKE_M, fingers.FORCE_N
     position = round(255 * (1.0 - min(max(move.gripper_m / stroke, 0.0), 1.0)))
     force = round(255 * min(max((grasp.force_n - low) / (high - low), 0.0), 1.0))
     out = [f"  reached = grip({position}, {force})"]
