@@ -78,7 +78,7 @@ def insertion_verdicts(
 
 def _half_angle(motion: PartMotion, way_out: Array) -> float:
     """Return the half-angle of the widest cone about a way out that the part's own contacts leave."""
-    return float(np.arcsin(np.clip((motion.normals @ way_out).min(), -1.0, 1.0)))
+    return float(np.arcsin(np.clip((motion.normals @ way_out).min(initial=1.0), -1.0, 1.0)))
 
 
 def _other_ways(motion: PartMotion, least_rad: float) -> Iterator[Array]:

@@ -8,6 +8,7 @@ from solids import box
 
 from mocca_robot.assembly import Assembly, Part, Polygon
 from mocca_robot.contacts.find import find_contacts
+from mocca_robot.motion.insertion import insertion_verdicts
 from mocca_robot.motion.ways_out import free_half_angle, insertion_rim, sweep_blockers, ways_out
 
 
@@ -76,3 +77,10 @@ def test_a_solid_part_s_free_cone_was_swept():
     angle = free_half_angle(assembly, 2, up, np.deg2rad(80))
     assert np.arctan2(2, 4) - np.deg2rad(1.0) <= angle <= np.arctan2(2, 4) + 1e-6
     assert not sweep_blockers(assembly, 2, insertion_rim(up, angle, 16))
+
+
+def test_a_part_that_touches_nothing_and_cannot_leave_upwards_leaves_sideways():
+    ceiling = Part("ceiling", flat([[0, 3], [1, 3], [1, 4], [0, 4]]), fixed=True)
+    assembly = Assembly("gap", (ceiling, Part("block", flat([[0, 0], [1, 0], [1, 1], [0, 1]]))))
+    (verdict,) = insertion_verdicts(assembly, (), {})
+    assert verdict.assemblable and not verdict.blockers and verdict.alpha_rad > 0.0
