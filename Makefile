@@ -10,18 +10,19 @@
 #   make bench-quick   three minutes of them, compared with the last time on this machine
 #   make compas  an environment with compas_cra, which make bench then compares with
 
-PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 python; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
 	&& { echo $$p; break; }; done)
 VENV := .venv
-BIN := $(VENV)/bin
+PROGRAMS := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
+BIN := $(VENV)/$(PROGRAMS)
 STAMP := $(VENV)/.installed
 WORKERS ?= 2
 BENCHES ?= agreement agreement_configs insertions contacts statics friction tilt_sweep states baseline configs growth physics plans profile builds
 QUICK ?= configs contacts statics friction baseline growth
 COMPAS := .venv-compas
-ifneq ($(wildcard $(COMPAS)/bin/python),)
-export MOCCA_COMPAS_PYTHON ?= $(CURDIR)/$(COMPAS)/bin/python
+ifneq ($(wildcard $(COMPAS)/$(PROGRAMS)/python),)
+export MOCCA_COMPAS_PYTHON ?= $(CURDIR)/$(COMPAS)/$(PROGRAMS)/python
 endif
 
 export OMP_NUM_THREADS = 1
@@ -96,8 +97,8 @@ bench-quick: setup
 
 # compas_cra needs packages of its own versions, so it gets an environment of its own.
 compas:
-	@test -x $(COMPAS)/bin/python || $(PYTHON) -m venv $(COMPAS)
-	$(COMPAS)/bin/python -m pip install --quiet --disable-pip-version-check 'compas_cra>=0.8,<0.9' 'compas_assembly>=0.7,<0.8'
+	@test -x $(COMPAS)/$(PROGRAMS)/python || $(PYTHON) -m venv $(COMPAS)
+	$(COMPAS)/$(PROGRAMS)/python -m pip install --quiet --disable-pip-version-check 'compas_cra>=0.8,<0.9' 'compas_assembly>=0.7,<0.8'
 
 clean:
 	rm -rf out build dist site .pytest_cache .mypy_cache .ruff_cache .hypothesis

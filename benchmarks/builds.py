@@ -6,7 +6,6 @@ Seconds are wall time of one run. A fake controller runs four times as fast as a
 from __future__ import annotations
 
 import contextlib
-import resource
 import subprocess
 import sys
 import tempfile
@@ -16,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmarks.measurement import Measurement
+from benchmarks.measurement import Measurement, peak_memory_mb
 
 if TYPE_CHECKING:
     from mocca_robot.plan.plan import Plan
@@ -121,7 +120,7 @@ def _fake(plan_file: Path, plan: Plan) -> Iterator[None]:
 
 
 def _row(case: str, tool: str, seconds: float, verdict: str) -> Measurement:
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    memory = peak_memory_mb()
     return Measurement(
         bench="builds",
         case=case,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 import json
 import multiprocessing
-import resource
 import statistics
+import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
@@ -132,6 +132,16 @@ class _Tool:
         )
 
 
+def peak_memory_mb() -> float:
+    """Return the most memory that this process ever had, in MB; not a number where the system does not tell."""
+    try:
+        import resource
+    except ModuleNotFoundError:  # Windows
+        return float("nan")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # bytes on macOS, kilobytes elsewhere
+    return peak / (2.0**20 if sys.platform == "darwin" else 1024.0)
+
+
 def _child(pipe: Connection, run: Callable[[], ToolAnswer], by_clock: bool) -> None:
     clock = time.perf_counter if by_clock else time.process_time
     while pipe.recv():
@@ -140,5 +150,5 @@ def _child(pipe: Connection, run: Callable[[], ToolAnswer], by_clock: bool) -> N
             outcome = run()
         except Exception as error:  # whatever a peer raises is its result
             outcome = ToolAnswer(f"failed: {type(error).__name__}: {str(error)[:80]}")
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+        memory = peak_memory_mb()
         pipe.send((clock() - begin, outcome, memory))

@@ -114,6 +114,6 @@ def _ompl() -> tuple[Any, Any, Any]:
     except ImportError as error:
         raise InputError(
             f"Ways between tray and structure are searched with OMPL, which is not installed ({error}): "
-            "pip install 'ompl>=2.0,<3' (wheels for CPython 3.11 to 3.13)."
+            "pip install 'ompl>=2.0,<3' (it has wheels for CPython 3.11 to 3.13 on Linux and macOS)."
         ) from error
     return base, geometric, util

@@ -4,7 +4,6 @@ import ast
 import json
 import random
 import re
-import resource
 import subprocess
 import sys
 import time
@@ -355,6 +354,8 @@ def test_a_folder_that_takes_no_files_is_told_before_the_work(
 
 
 def test_a_disk_that_fills_up_during_the_work_is_no_error_in_the_program(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource")
+
     def small_files_only() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
 

@@ -156,6 +156,7 @@ def test_states_with_holes_or_numbers_that_are_not_finite_are_no_states() -> Non
             parse_state({k: v for k, v in whole.items() if k != name})
 
 
+@pytest.mark.skipif(not hasattr(os, "sched_getscheduler"), reason="this system has one scheduler for all")
 def test_the_scheduler_prefers_this_process_only_as_long_as_it_is_asked_to() -> None:
     """An arm is watched on a clock; afterwards the process is scheduled as before."""
     before = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
