@@ -80,14 +80,14 @@ def insertions(quick: bool = False, only: str | None = None) -> Iterator[Measure
 def _insertions(assembly: Assembly, ways: dict[str, Array]) -> ToolAnswer:
     asked = Questions(stages=("insertion",), clearances=CLEARANCES)
     with executor() as processes:
-        trials = simulate(assembly, ways, asked, processes=processes).insertion
-    inside = [t for t in trials if t.kind != "outside"]
-    outside = [t for t in trials if t.kind == "outside"]
+        trials = simulate(assembly, ways, asked, processes=processes).trials
+    inside = [t for t in trials if t.inside]
+    outside = [t for t in trials if not t.inside]
     failed = [t for t in inside if not t.succeeded]
     passed = sum(t.succeeded for t in outside)
     said = [f"{len(inside) - len(failed)} of {len(inside)} inside", f"{passed} of {len(outside)} outside"]
     for clearance in CLEARANCES:
-        mine = [t.peak_force / t.allowed_force for t in inside if t.clearance == clearance]
+        mine = [t.force_share for t in inside if t.clearance == clearance]
         said.append(f"{clearance * 1e3:g} mm: force at most {max(mine, default=0.0):.0%} of what is allowed")
     said += [f"'{t.part}' {t.kind}, {t.clearance * 1e3:g} mm, {t.below}: {t.reason}" for t in failed[:5]]
     return ToolAnswer(f"{'DISAGREE' if failed or passed else 'agree'}: {'; '.join(said)}")
@@ -125,8 +125,8 @@ def _trials(assembly: Assembly, ways: dict[str, Array], jobs: int) -> ToolAnswer
         list(processes.map(_awake, range(jobs)))
         started = time.perf_counter()
         found = simulate(assembly, ways, asked, processes=processes)
-        rate = len(found.insertion) / (time.perf_counter() - started)
-    return ToolAnswer(f"{rate:.1f} trials/s, {jobs} processes, {len(found.insertion)} trials")
+        rate = len(found.trials) / (time.perf_counter() - started)
+    return ToolAnswer(f"{rate:.1f} trials/s, {jobs} processes, {len(found.trials)} trials")
 
 
 def _awake(number: int) -> int:

@@ -31,6 +31,9 @@ from mocca_robot.report.palette import FIXED, LIGHT, part_colours
 from mocca_robot.report.pictures import Picture, draw, shared_view
 from mocca_robot.statics.cases import critical_tilt
 from mocca_robot.statics.loads import tilt_azimuths
+from mocca_robot.verdicts.agreement import agree
+from mocca_robot.verdicts.physics import Simulation
+from mocca_robot.verdicts.simulation_json import read_simulation
 from mocca_robot.verdicts.verification import verify
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -92,7 +95,7 @@ def figures(name: str) -> dict[str, Any]:
         "tilt_deg": {"before": weakest(source), "after": weakest(assembly)},
         "report": (folder / "report.html").stat().st_size <= HEAVIEST_PAGE,
     }
-    found["physics"] = physics(json.loads((folder / "simulation.json").read_text(encoding="utf-8")))
+    found["physics"] = physics(read_simulation(folder / "simulation.json"))
     if name in COMPARED:
         told = json.loads((folder / "compared.json").read_text(encoding="utf-8"))
         keys = ("name", "physics_stands", "tilt_deg", "goes_in", "deadlocked")
@@ -115,17 +118,18 @@ def weakest(assembly: Any) -> float:
     return round(float(np.rad2deg(min(critical_tilt(assembly, contacts, float(a)) for a in azimuths))), 2)
 
 
-def physics(simulation: dict[str, Any]) -> dict[str, Any]:
+def physics(simulation: Simulation) -> dict[str, Any]:
     """Return MuJoCo's verdicts as counts."""
-    states, tilts, insertion = simulation["states"], simulation["tilt"], simulation["insertion"]
-    smooth = [t["critical_deg"] for t in tilts if not t["friction"] and t["critical_deg"] is not None]
+    smooth = [float(np.rad2deg(t.critical_rad)) for t in simulation.tilt if not t.friction]
+    sides = [[t for t in simulation.trials if t.inside is side] for side in (True, False)]
+    inside, outside = ([sum(t.succeeded for t in side), len(side)] for side in sides)
     return {
-        "engine": simulation["engine"],
-        "states": len(states),
-        "agree": sum(s["stable"] == s["statics_stable"] for s in states),
+        "engine": simulation.engine,
+        "states": len(simulation.states),
+        "agree": sum(agree(s.verdict, s.statics) is True for s in simulation.states),
         "tilt_deg": round(min(smooth), 2) if smooth else None,
-        "inside": [sum(i["inside"][k] for i in insertion) for k in ("succeeded", "trials")],
-        "outside": [sum(i["outside"][k] for i in insertion) for k in ("succeeded", "trials")],
+        "inside": inside,
+        "outside": outside,
     }
 
 

@@ -1,9 +1,9 @@
-"""The errors a user can meet. One root, so that a caller can catch everything this package raises."""
+"""The errors a user can meet, with one root, so that a caller can catch them all; and names in messages."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class MoccaError(Exception):
@@ -29,3 +29,9 @@ def nearest(name: str, known: Iterable[str]) -> str:
     hint = f"did you mean '{close[0]}'? K" if close else "k"
     listed = ", ".join(names[:20]) + (", …" if len(names) > 20 else "")
     return f"{hint}nown: {listed}."
+
+
+def quoted(names: Sequence[str], limit: int = 6) -> str:
+    """Return names in quotes, at most `limit`, and how many more."""
+    more = f" and {len(names) - limit} more" if len(names) > limit else ""
+    return ", ".join(f"'{n}'" for n in names[:limit]) + more

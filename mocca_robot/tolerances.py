@@ -38,16 +38,3 @@ class Tolerances:
 
 
 TOLERANCES = Tolerances()
-
-TILT_AGREEMENT_DEG = {2: 0.5, 3: 1.5}
-"""By dimension: critical tilts by statics and physics further apart than this disagree. Rigid facets against slightly
-soft ones explain less."""
-
-
-def tilts_apart(critical_deg: float, statics_deg: float, within_deg: float, dimension: int) -> bool:
-    """Return whether physics and statics differ on a critical tilt by more than they may.
-
-    No more is known of that of physics than a bracket, ± `within_deg`: only what lies outside the limit as a whole is
-    apart.
-    """
-    return abs(critical_deg - statics_deg) - within_deg > TILT_AGREEMENT_DEG[dimension]

@@ -1,11 +1,11 @@
 """What physics says: MuJoCo as a judge of the finished geometry; statics only tells it where to look first."""
 
 import sim.engine  # noqa: F401  isort: skip  (first: it says what keeps MuJoCo from starting)
+from mocca_robot.verdicts.physics import Simulation
+from mocca_robot.verdicts.simulation_json import read_simulation, write_simulation
 from sim.questions import Questions
 from sim.show.mjcf import export_mjcf, export_urdf
 from sim.simulate import simulate
-from sim.simulation import Simulation
-from sim.simulation_json import read_simulation, write_simulation
 
 __all__ = [
     "Questions",

@@ -17,10 +17,11 @@ from mocca_robot.statics.cases import solve_rays
 from mocca_robot.statics.loads import LoadCase
 from mocca_robot.statics.solution import Status, solve_system
 from mocca_robot.statics.solver.system import ContactSystem
+from mocca_robot.verdicts.physics import Verdict
 from sim.motion import Motion, displacement_and_speed, let_go_gently, reach
 from sim.scene import Compiled, with_timestep
 from sim.settings import SLIDING_STEPS
-from sim.stability import LIMITS, StabilityReport, Verdict, at_once, contact_points, judged
+from sim.stability import LIMITS, StabilityReport, at_once, contact_points, judged
 
 NOT_MADE = "friction not made by the fall"
 """Begins the cause of a fall that statics prevents with forces which nothing brings about."""

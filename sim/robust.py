@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -15,6 +15,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import InputError
+from mocca_robot.verdicts.physics import Robustness
 from sim.insertion.directions import Direction, insertion_cone
 from sim.insertion.hand import HandOptions, PlacingError
 from sim.insertion.trial import insert
@@ -52,30 +53,6 @@ class RobustOptions:
             raise InputError(f"{self.trials} robustness trials were asked for; at least 1 is needed.")
         if not 0.0 < self.confidence < 1.0:
             raise InputError(f"A confidence of {self.confidence} is not between 0 and 1.")
-
-
-@dataclass(frozen=True, kw_only=True)
-class RobustReport:
-    """Success over all trials.
-
-    Attributes:
-        trials, succeeded: counts; low, high: Wilson interval on the success rate at `confidence`.
-        failures: how many trials failed for which reason; a trial counts once, for its first failure.
-        options: what was drawn from.
-    """
-
-    trials: int
-    succeeded: int
-    low: float
-    high: float
-    confidence: float
-    failures: Mapping[str, int]
-    options: RobustOptions
-
-    @property
-    def rate(self) -> float:
-        """Return the share of trials that succeeded."""
-        return self.succeeded / self.trials if self.trials else 0.0
 
 
 def wilson(succeeded: int, trials: int, confidence: float) -> tuple[float, float]:
@@ -149,17 +126,16 @@ def robust_trial(
     return row
 
 
-def robust_report(rows: Sequence[Mapping[str, Any]], options: RobustOptions) -> RobustReport:
+def robustness(rows: Sequence[Mapping[str, Any]], options: RobustOptions) -> Robustness:
     """Return the success rate over finished trials."""
     succeeded = sum(not row["failure"] for row in rows)
     low, high = wilson(succeeded, len(rows), options.confidence)
-    failures = dict(Counter(row["kind"] for row in rows if row["failure"]))
-    return RobustReport(
+    return Robustness(
         trials=len(rows),
         succeeded=succeeded,
         low=low,
         high=high,
         confidence=options.confidence,
-        failures=failures,
-        options=options,
+        failures=dict(Counter(row["kind"] for row in rows if row["failure"])),
+        distributions=asdict(options),
     )

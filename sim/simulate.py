@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -20,19 +20,26 @@ from mocca_robot.runtime.content_hash import assembly_hash
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import LoadCase, state_cases
 from mocca_robot.statics.solution import Status
+from mocca_robot.verdicts.physics import PartInsertion, Simulation
 from sim.insertion.directions import Direction, InsertionCone, directions, insertion_cone
 from sim.insertion.hand import PlacingError
-from sim.insertion.trial import InsertionTrial
 from sim.insertion.trial_scene import resting_model
 from sim.questions import TILT_FRICTIONS, Questions
-from sim.robust import robust_report, robust_trials
+from sim.robust import robust_trials, robustness
 from sim.scene import Compiled
 from sim.shapes.contact_model import ContactModel, PairRays, contact_model, telling_rays
-from sim.simulation import ConeSummary, Simulation
 from sim.stability import LIMITS
-from sim.states import StateResult
-from sim.tilt import TiltReport, azimuths, tilt_scene
-from sim.trial_rows import Carried, detailed_tilt_row, insertion_rows, state_row, tilt_row
+from sim.tilt import azimuths, tilt_scene
+from sim.trial_rows import (
+    Carried,
+    detailed_tilt_row,
+    insertion_rows,
+    state_of,
+    state_row,
+    tilt_of,
+    tilt_row,
+    trials_of,
+)
 from sim.trial_store import Row, Trial, TrialStore, run_trials
 
 METHOD = {"state": 12, "tilt": 12, "insert": 14, "robust": 14}
@@ -41,7 +48,6 @@ MANY_RUNS = 60
 """About how many insertions make up for starting processes: each step of theirs runs Python, which threads share."""
 FEW_RIM = 3
 """Ways on the rim along which a part goes in on top of a large structure that is free to move: each takes seconds."""
-Result = TypeVar("Result")
 
 
 def simulate(
@@ -86,7 +92,6 @@ def simulate(
     result = Simulation(
         name=assembly.name,
         engine=f"mujoco {mujoco.__version__}",
-        dimension=assembly.dimension,
         notes=_near_misses(report),
     )
     seconds: dict[str, float] = {}
@@ -161,7 +166,11 @@ class _Work:
             )
             for case in state_cases(self.assembly)
         ]
-        return _Stage(trials, lambda s, rows: replace(s, states=tuple(_restored(StateResult, r) for r in rows)))
+
+        def told(s: Simulation, rows: Sequence[Row]) -> Simulation:
+            return replace(s, states=tuple(state_of(r, self.ask.friction) for r in rows))
+
+        return _Stage(trials, told)
 
     def tilt(self, so_far: Simulation) -> _Stage:
         frictions = sorted({*(self.ask.tilt_frictions or TILT_FRICTIONS), self.ask.friction})
@@ -188,14 +197,14 @@ class _Work:
         ]
 
         def told(s: Simulation, rows: Sequence[Row]) -> Simulation:
-            return replace(s, tilt=tuple(_restored(TiltReport, r) for r in rows), notes=(*s.notes, *notes))
+            return replace(s, tilt=tuple(tilt_of(r) for r in rows), notes=(*s.notes, *notes))
 
         return _Stage(trials, told)
 
     def insertion(self, so_far: Simulation) -> _Stage:
         resting = resting_model(self.assembly, self.contacts)
         trials: list[Trial] = []
-        cones: list[ConeSummary] = []
+        parts: list[PartInsertion] = []
         notes: list[str] = []
         standing = self._standing(so_far)
         for index, part in enumerate(self.assembly.parts):
@@ -203,7 +212,15 @@ class _Work:
                 continue
             cone = insertion_cone(self.assembly, self.contacts, index, self.ways.get(part.name))
             axis = tuple(float(x) for x in cone.axis)
-            cones.append(ConeSummary(part.name, axis, cone.realised_rad, cone.tried_rad))
+            parts.append(
+                PartInsertion(
+                    part=part.name,
+                    axis=axis,
+                    realised_rad=cone.realised_rad,
+                    tried_rad=cone.tried_rad,
+                    friction=self.ask.friction,
+                )
+            )
             if cone.realised_rad < 0.0:
                 notes.append(
                     f"'{part.name}' cannot be inserted along its direction: its neighbours block it by "
@@ -217,15 +234,16 @@ class _Work:
             ]
 
         def told(s: Simulation, rows: Sequence[Row]) -> Simulation:
-            found = tuple(_restored(InsertionTrial, t) for row in rows for t in row["trials"])
-            return replace(s, cones=tuple(cones), insertion=found, notes=(*s.notes, *notes))
+            found = [t for row in rows for t in trials_of(row)]
+            entries = (replace(p, trials=tuple(t for t in found if t.part == p.part)) for p in parts)
+            return replace(s, insertion=tuple(entries), notes=(*s.notes, *notes))
 
         return _Stage(trials, told, runs=len(trials) * self.ask.directions)
 
     def robust(self, so_far: Simulation) -> _Stage:
         identity = self._identity("robust")
         trials = robust_trials(self.assembly, self.contacts, self.ways, self.ask.robust, self.ask.seed, identity)
-        return _Stage(trials, lambda s, rows: replace(s, robust=robust_report(rows, self.ask.robust)))
+        return _Stage(trials, lambda s, rows: replace(s, robust=robustness(rows, self.ask.robust)))
 
     def _insertion_groups(
         self, resting: ContactModel, cone: InsertionCone, below_stands: bool
@@ -315,12 +333,3 @@ def _near_misses(report: ContactReport) -> tuple[str, ...]:
         f"'{m.parts[0]}' and '{m.parts[1]}' do not touch: a gap of {m.gap_m * 1e3:.3g} mm separates parallel faces"
         for m in report.near_misses
     )
-
-
-def _restored(kind: type[Result], row: Row) -> Result:
-    """Return the dataclass a row came from; lists become tuples again."""
-    return kind(**{key: _tuples(value) for key, value in row.items()})
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(_tuples(v) for v in value) if isinstance(value, (list, tuple)) else value

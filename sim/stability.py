@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.assembly import Assembly
+from mocca_robot.verdicts.physics import Verdict
 from sim.motion import Motion, reach, run
 from sim.scene import Compiled, Scene, compile_scene, predict, with_timestep
 from sim.settings import SLIDING_STEPS, settings_for
@@ -57,15 +57,6 @@ class StabilityLimits:
 
 
 LIMITS = StabilityLimits()
-
-
-class Verdict(StrEnum):
-    """What a run says."""
-
-    STANDS = "stands"
-    FELL = "fell"
-    FAILED = "failed"
-    """The run cannot be believed, or did not come to rest in time: no verdict."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

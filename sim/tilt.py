@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +12,8 @@ from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import InputError
 from mocca_robot.statics.cases import case_at, critical_tilt
 from mocca_robot.statics.loads import tilt_azimuths, tilted_gravity
-from mocca_robot.tolerances import TILT_AGREEMENT_DEG
+from mocca_robot.verdicts.agreement import TILT_AGREEMENT_DEG
+from mocca_robot.verdicts.physics import TiltVerdict, Verdict
 from sim.bracket import bracket
 from sim.disagreement import cause
 from sim.scene import Compiled, compile_scene, with_gravity
@@ -22,7 +22,6 @@ from sim.stability import (
     LIMITS,
     StabilityLimits,
     StabilityReport,
-    Verdict,
     at_once,
     confirmed,
     contact_points,
@@ -36,33 +35,6 @@ DOUBTED_RESOLUTION = 2.5 * RESOLUTION
 HELD_BELOW_RAD = float(np.deg2rad(0.25))
 """Contact points that are chosen for a tilt hold up to this much below statics' critical one, or more."""
 TILT_AGREEMENT_RAD = {d: float(np.deg2rad(deg)) for d, deg in TILT_AGREEMENT_DEG.items()}
-
-
-@dataclass(frozen=True, kw_only=True)
-class TiltReport:
-    """The critical tilt towards one azimuth.
-
-    Attributes:
-        azimuth_rad: direction towards which the ground drops, from +x.
-        critical_rad: halfway between the largest tilt that stood and the smallest that fell; 0 when it falls
-            upright, π/2 when nothing up to there moves it.
-        statics_rad: the same from static equilibrium.
-        friction: Coulomb coefficient.
-        moved: parts that moved in the smallest tilt that fell.
-        failed: tilts (radians) whose runs gave no verdict; they count as not standing.
-        within_rad: half the distance of those two tilts: no more is known of the critical one. The search begins
-            around statics' guess, so that a difference from statics means nothing without it.
-        cause: what experiments say where physics falls earlier than statics by more than the two may differ; else ''.
-    """
-
-    azimuth_rad: float
-    critical_rad: float
-    statics_rad: float
-    friction: float
-    moved: tuple[str, ...]
-    failed: tuple[float, ...]
-    within_rad: float = 0.0
-    cause: str = ""
 
 
 def azimuths(assembly: Assembly, count: int) -> Array:
@@ -97,7 +69,7 @@ def detailed_scene(
 
 def detailed_tilt(
     assembly: Assembly, contacts: Sequence[Contact], rays: Sequence[PairRays], azimuth_rad: float, friction: float
-) -> TiltReport:
+) -> TiltVerdict:
     """Return the critical tilt of an assembly of so many contact points that they are chosen for this azimuth."""
     guess = critical_tilt(assembly, contacts, azimuth_rad, friction)
     compiled = detailed_scene(assembly, contacts, rays, azimuth_rad, guess, friction)
@@ -112,7 +84,7 @@ def physical_tilt(
     limits: StabilityLimits = LIMITS,
     resolution_rad: float | None = None,
     guess_rad: float | None = None,
-) -> TiltReport:
+) -> TiltVerdict:
     """Return the critical tilt of a compiled scene, each tilt from a fresh start under fixed rotated gravity.
 
     Statics gives the first guess (`guess_rad`, when it is known already); every bracket is then confirmed by runs of
@@ -167,7 +139,7 @@ def physical_tilt(
     moved = sure[high].moved if high in sure else ()
     failed = tuple(a for a, found in sure.items() if found.verdict is Verdict.FAILED)
     if high >= np.pi / 2:
-        return TiltReport(
+        return TiltVerdict(
             azimuth_rad=azimuth_rad,
             critical_rad=np.pi / 2,
             statics_rad=guess,
@@ -179,7 +151,7 @@ def physical_tilt(
     if early(high) and sure[high].verdict is Verdict.FELL:
         case = case_at(scene.assembly, high, azimuth_rad)
         why = cause(scene.assembly, contacts, case, scene_at(high), sure[high])
-    return TiltReport(
+    return TiltVerdict(
         azimuth_rad=azimuth_rad,
         critical_rad=0.5 * (low + high),
         statics_rad=guess,

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
+from typing import Any, TypeVar
 
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.statics.loads import LoadCase
+from mocca_robot.statics.solution import Status
+from mocca_robot.verdicts.physics import InsertionTrial, StateVerdict, TiltVerdict, Verdict
 from sim.insertion.directions import Direction, InsertionCone
 from sim.insertion.hand import PlacingError
 from sim.insertion.trial import insert
@@ -15,9 +18,11 @@ from sim.insertion.trial_scene import insertion_scene
 from sim.questions import Questions
 from sim.scene import Compiled
 from sim.shapes.contact_model import ContactModel, PairRays, holding_model
-from sim.states import state_result
+from sim.states import state_verdict
 from sim.tilt import detailed_tilt, physical_tilt
 from sim.trial_store import Row
+
+Result = TypeVar("Result", StateVerdict, TiltVerdict, InsertionTrial)
 
 
 def state_row(
@@ -32,7 +37,7 @@ def state_row(
         model = touching
     else:
         model = holding_model(assembly, contacts, touching, case, friction)
-    return asdict(state_result(assembly, model, contacts, case, friction))
+    return asdict(state_verdict(assembly, model, contacts, case, friction))
 
 
 def tilt_row(compiled: Compiled, contacts: Sequence[Contact], azimuth: float) -> Row:
@@ -84,3 +89,28 @@ def insertion_rows(
     if axis is not None:
         results += [insert(ready, axis, error=e, hand=ask.hand) for e in errors]
     return {"trials": [asdict(r) for r in results]}
+
+
+def state_of(row: Row, friction: float) -> StateVerdict:
+    """Return the verdict that a row was kept of; rows of earlier versions do not tell their friction."""
+    known = {"verdict": Verdict(row["verdict"]), "statics": Status(row["statics"]), "friction": friction}
+    return _restored(StateVerdict, {**row, **known})
+
+
+def tilt_of(row: Row) -> TiltVerdict:
+    """Return the verdict that a row was kept of."""
+    return _restored(TiltVerdict, row)
+
+
+def trials_of(row: Row) -> tuple[InsertionTrial, ...]:
+    """Return the insertions that a row was kept of."""
+    return tuple(_restored(InsertionTrial, trial) for trial in row["trials"])
+
+
+def _restored(kind: type[Result], row: Row) -> Result:
+    """Return the dataclass a row came from: lists become tuples again, and what other versions kept is left out."""
+    return kind(**{f.name: _tuples(row[f.name]) for f in fields(kind) if f.name in row})
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(v) for v in value) if isinstance(value, (list, tuple)) else value

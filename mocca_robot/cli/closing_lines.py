@@ -8,11 +8,15 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.assembly import Assembly
-from mocca_robot.cli import physics_evidence, reasons
+from mocca_robot.cli import reasons
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode, positive_if
 from mocca_robot.cli.stages import DesignOutcome
+from mocca_robot.errors import quoted
 from mocca_robot.report.summary import goal_words
+from mocca_robot.verdicts.agreement import agree
+from mocca_robot.verdicts.physics import Simulation, TiltVerdict, Tries
+from mocca_robot.verdicts.simulation_json import simulation_to_data
 
 
 def introduce(assembly: Assembly, contacts: int, console: Console) -> None:
@@ -33,9 +37,8 @@ def conclude(
     say_verdicts(outcome, console)
     supports = reasons.supports(outcome.design.assembly, outcome.states)
     if supports:
-        console.say(f"needs support after placing {reasons.quoted(supports, 20)}")
-    explained = physics_evidence.explained(outcome.design.assembly, outcome.simulation or {})
-    for note in dict.fromkeys((*outcome.design.notes, *explained)):
+        console.say(f"needs support after placing {quoted(supports, 20)}")
+    for note in dict.fromkeys(_notes(outcome)):
         console.say(f"note: {note}")
     for finding in outcome.findings:
         console.say(f"✗ {finding.text}")
@@ -73,35 +76,35 @@ def say_verdicts(outcome: DesignOutcome, console: Console) -> None:
         console.say(f"physics:   {physics_words(outcome.simulation)}")
 
 
-def physics_words(simulation: Mapping[str, Any]) -> str:
+def physics_words(simulation: Simulation) -> str:
     """Return what physics found, in one line."""
-    states, tilts, insertion = (simulation.get(k) or [] for k in ("states", "tilt", "insertion"))
     said = []
-    if states:
-        stand = sum(s["stable"] is True for s in states)
-        said.append(f"{stand} of {len(states)} states stand, {sum(s['agrees'] for s in states)} agree with statics")
-    if tilts:
-        said.append(f"falls at a tilt of {_critical_tilts(tilts)}")
-    if insertion:
-        trials, passed = (sum(e["inside"][k] for e in insertion) for k in ("trials", "succeeded"))
-        wrong, through = (sum(e["outside"][k] for e in insertion) for k in ("trials", "succeeded"))
-        said.append(f"{passed} of {trials} insertions inside the cones succeed, {through} of {wrong} outside")
-    robust = simulation.get("robust")
-    if robust:
+    if states := simulation.states:
+        same = sum(agree(s.verdict, s.statics) is True for s in states)
+        stand = sum(s.stands for s in states)
+        said.append(f"{stand} of {len(states)} states stand, {same} agree with statics")
+    if simulation.tilt:
+        said.append(f"falls at a tilt of {_critical_tilts(simulation.tilt)}")
+    if simulation.insertion:
+        inside, outside = (Tries.of([t for t in simulation.trials if t.inside is side]) for side in (True, False))
         said.append(
-            f"{robust['succeeded']} of {robust['trials']} disturbed builds stand "
-            f"({robust['low']:.0%} to {robust['high']:.0%} at {robust['confidence']:.0%} confidence)"
+            f"{inside.succeeded} of {inside.trials} insertions inside the cones succeed, "
+            f"{outside.succeeded} of {outside.trials} outside"
         )
-    return f"{simulation.get('engine', 'MuJoCo')}: " + ("; ".join(said) or "nothing was asked")
+    if (robust := simulation.robust) is not None:
+        said.append(
+            f"{robust.succeeded} of {robust.trials} disturbed builds stand "
+            f"({robust.low:.0%} to {robust.high:.0%} at {robust.confidence:.0%} confidence)"
+        )
+    return f"{simulation.engine}: " + ("; ".join(said) or "nothing was asked")
 
 
-def _critical_tilts(tilts: Sequence[Mapping[str, Any]]) -> str:
+def _critical_tilts(tilts: Sequence[TiltVerdict]) -> str:
     """Return the tilt towards the weakest side for every friction, and how far statics is off on any side."""
     said = []
-    for friction in sorted({float(t["friction"]) for t in tilts}):
-        mine = [t for t in tilts if t["friction"] == friction]
-        least = min(float(t["critical_deg"]) for t in mine)
-        apart = max(abs(t["critical_deg"] - t["statics_deg"]) + t.get("within_deg", 0.0) for t in mine)
+    for friction in sorted({t.friction for t in tilts}):
+        mine = [t for t in tilts if t.friction == friction]
+        least, apart = np.rad2deg([min(t.critical_rad for t in mine), max(t.apart_rad for t in mine)])
         given = f" with friction {friction:g}" if friction else ""
         said.append(f"{least:.2f}°{given} (statics at most {apart:.2f}° apart)")
     return ", ".join(said)
@@ -110,7 +113,7 @@ def _critical_tilts(tilts: Sequence[Mapping[str, Any]]) -> str:
 def document(outcome: DesignOutcome, supports: tuple[str, ...]) -> dict[str, Any]:
     """Return the outcome for JSON."""
     assembly = outcome.design.assembly
-    simulation = outcome.simulation or {}
+    simulation = {} if outcome.simulation is None else simulation_to_data(outcome.simulation, assembly)
     return {
         "name": assembly.name,
         "dimension": assembly.dimension,
@@ -125,9 +128,14 @@ def document(outcome: DesignOutcome, supports: tuple[str, ...]) -> dict[str, Any
         "insertions": reasons.insertions_data(outcome.after.insertions),
         "part_overlap": outcome.after.part_overlap,
         "simulation": {k: v for k, v in simulation.items() if k not in ("states", "insertion")} or None,
-        "notes": [*outcome.design.notes, *physics_evidence.explained(assembly, simulation)],
+        "notes": _notes(outcome),
         "files": {kind: str(path) for kind, path in outcome.files.items()},
     }
+
+
+def _notes(outcome: DesignOutcome) -> list[str]:
+    """Return the design's notes, and what is worth knowing of physics and held against nothing."""
+    return [*outcome.design.notes, *(r.text for r in outcome.remarks if not r.held)]
 
 
 def _standing(cases: Any) -> str:
@@ -139,4 +147,4 @@ def _standing(cases: Any) -> str:
     )
     if worst is None:
         return f"stands, {stand} of {len(cases)} load cases in equilibrium without friction"
-    return f"{stand} of {len(cases)} load cases in equilibrium; {reasons.quoted(worst.moving, 4)} would move"
+    return f"{stand} of {len(cases)} load cases in equilibrium; {quoted(worst.moving, 4)} would move"

@@ -113,9 +113,10 @@ def judged(joinery: JoinedParts) -> Variant:
     from mocca_robot.motion.insertion import insertion_verdicts
     from mocca_robot.report.comparison import Variant
     from mocca_robot.statics.mobility import leaving_parts
+    from mocca_robot.verdicts.physics import Verdict
     from mocca_robot.verdicts.verification import verify
     from sim.shapes.contact_model import contact_model
-    from sim.stability import Verdict, free_scene, stability
+    from sim.stability import free_scene, stability
 
     assembly = joinery.assembly
     directions = {i.part: i.direction for i in joinery.insertion}

@@ -93,7 +93,6 @@ def _is_plan(args: argparse.Namespace) -> bool:
     path = Path(args.input)
     if args.format != "csv" or path.suffix.lower() != ".json" or not path.is_file():
         return False
-    from mocca_robot.files.documents import parse_json, read_text
     from mocca_robot.files.versions import PLAN
 
     data = parse_json(read_text(path), f"'{path}'")
@@ -187,6 +186,7 @@ def _figures(args: argparse.Namespace, config: Config, folder: Path) -> list[Pat
     from mocca_robot.cli import simulate, stages
     from mocca_robot.report.data import collect
     from mocca_robot.report.figures import write_figures
+    from mocca_robot.verdicts.simulation_json import read_simulation
 
     console, stored = Console(args.json), simulate.stored_design(Path(args.input))
     if stored is None:
@@ -194,7 +194,7 @@ def _figures(args: argparse.Namespace, config: Config, folder: Path) -> list[Pat
     else:
         outcome = stages.judged(stored, console)
     beside = None if stored is None else stored.with_name("simulation.json")
-    simulation = parse_json(read_text(beside), f"'{beside}'") if beside is not None and beside.is_file() else None
+    simulation = read_simulation(beside) if beside is not None and beside.is_file() else None
     data = collect(
         outcome.design, before=outcome.before, after=outcome.after, states=outcome.states, simulation=simulation
     )

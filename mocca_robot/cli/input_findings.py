@@ -13,6 +13,7 @@ from mocca_robot.cli import reasons
 from mocca_robot.cli.reasons import NegativeVerdict
 from mocca_robot.config.config import Config
 from mocca_robot.contacts.contact import Contact, ContactReport
+from mocca_robot.errors import quoted
 from mocca_robot.motion.insertion import insertion_verdicts
 from mocca_robot.report.markup import plural
 from mocca_robot.statics.cases import CaseVerdict, critical_tilts, solve_case
@@ -66,7 +67,7 @@ def checkup(config: Config, report: ContactReport, key: str | None, azimuths: in
     anything = mobility(assembly, contacts)
     findings = reasons.statics_findings(assembly, verification)
     if key is not None and held is not None and not held.locked and not any(f.case == "interlocking" for f in findings):
-        text = f"Does not interlock: with '{key}' held, {reasons.quoted(held.moving)} can still move."
+        text = f"Does not interlock: with '{key}' held, {quoted(held.moving)} can still move."
         findings.append(NegativeVerdict("loose", text, held.moving, "interlocking"))
     if anything.locked:
         findings.append(reasons.deadlock_finding(assembly))
@@ -99,7 +100,7 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
     The flat contacts of an input bound what any joint could offer; those of a `built` design are joints already.
     """
     assembly, contacts = found.assembly, found.report.contacts
-    fixed = reasons.quoted([p.name for p in assembly.parts if p.fixed])
+    fixed = quoted([p.name for p in assembly.parts if p.fixed])
     mass = sum(p.mass for p in assembly.parts)
     out = [
         f"{assembly.name}: {assembly.dimension}D, {len(assembly.parts)} parts, {mass:.3g} kg, "
@@ -113,7 +114,7 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
         )
     friction = f", friction {found.friction:g}" if found.friction else ", no friction"
     for state in found.states:
-        verdict = "stands" if state.result.stands else f"falls: {reasons.quoted(state.moving)} would move"
+        verdict = "stands" if state.result.stands else f"falls: {quoted(state.moving)} would move"
         if state.result.status == "inaccurate":
             verdict = "not decided, the solver was inaccurate"
         name = state.case.name.removeprefix("state_")
@@ -122,10 +123,10 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
     out.append(f"critical tilt: {tilts}")
     if found.key is not None and found.key_mobility is not None:
         loose = found.key_mobility
-        says = "everything interlocks" if loose.locked else f"{reasons.quoted(loose.moving)} can move"
+        says = "everything interlocks" if loose.locked else f"{quoted(loose.moving)} can move"
         out.append(f"with '{found.key}' held: {says}")
     for way in found.verification.insertions:
-        by = f"; in its way: {reasons.quoted(way.blockers)}" if way.blockers else ""
+        by = f"; in its way: {quoted(way.blockers)}" if way.blockers else ""
         room = f"goes in from ±{reasons.degrees(way.alpha_rad)}"
         room += "" if built else ", the most that any joint could offer it that way"
         if way.alpha_rad < 0:
@@ -133,7 +134,7 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
         out.append(f"'{way.part}' {room}{by}")
     supports = reasons.supports(assembly, found.states)
     if supports:
-        out.append(f"needs support after placing {reasons.quoted(supports, 20)}")
+        out.append(f"needs support after placing {quoted(supports, 20)}")
     out += [f"✗ {f.text}" for f in found.findings] or ["✓ every verdict is positive"]
     return out
 

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mocca_robot.assembly import Assembly, SupportFree
+from mocca_robot.errors import quoted
 from mocca_robot.motion.insertion import InsertionVerdict
 from mocca_robot.report.summary import case_words
 from mocca_robot.statics.cases import CaseVerdict, moving_parts
+from mocca_robot.verdicts.agreement import Remark
 from mocca_robot.verdicts.verification import Verification
 
 if TYPE_CHECKING:
@@ -37,12 +39,6 @@ class NegativeVerdict:
     text: str
     parts: tuple[str, ...] = ()
     case: str | None = None
-
-
-def quoted(names: Sequence[str], limit: int = 6) -> str:
-    """Return names in quotes, at most `limit`, and how many more."""
-    more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(f"'{n}'" for n in names[:limit]) + more
 
 
 def degrees(angle_rad: float) -> str:
@@ -124,6 +120,11 @@ def design_findings(assembly: Assembly, designed: Designed) -> list[NegativeVerd
         )
         found.append(NegativeVerdict("narrow", text, (part.part, *part.blockers)))
     return found
+
+
+def physics_findings(remarks: Sequence[Remark]) -> list[NegativeVerdict]:
+    """Return what physics holds against an assembly."""
+    return [NegativeVerdict(str(r.kind), r.text, r.parts, r.case) for r in remarks if r.held]
 
 
 def supports(assembly: Assembly, states: Sequence[CaseVerdict]) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mocca_robot.assembly import Assembly
-from mocca_robot.cli import physics_evidence, reasons
+from mocca_robot.cli import reasons
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.cli.reasons import NegativeVerdict
@@ -30,6 +30,9 @@ from mocca_robot.report.summary import case_words
 from mocca_robot.statics.cases import CaseVerdict, solve_case
 from mocca_robot.statics.loads import state_cases
 from mocca_robot.statics.mobility import mobility
+from mocca_robot.verdicts.agreement import Remark, remarks
+from mocca_robot.verdicts.physics import Simulation
+from mocca_robot.verdicts.simulation_json import write_simulation
 from mocca_robot.verdicts.verification import Verification, verify
 
 if TYPE_CHECKING:
@@ -52,7 +55,7 @@ class DesignOutcome:
         states: every intermediate assembly by statics.
         findings: negative verdicts so far.
         files: what was written, by kind.
-        simulation: data of simulation.json; None before physics was asked.
+        simulation: what physics says; None before physics was asked.
     """
 
     design: Design
@@ -61,7 +64,15 @@ class DesignOutcome:
     states: tuple[CaseVerdict, ...]
     findings: tuple[NegativeVerdict, ...] = ()
     files: dict[str, Path] = field(default_factory=dict)
-    simulation: dict[str, Any] | None = None
+    simulation: Simulation | None = None
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """Return what physics holds against the result, and where it contradicts statics or geometry."""
+        if self.simulation is None:
+            return ()
+        insertions = self.after.insertions
+        return remarks(self.design.assembly, self.simulation, insertions=insertions, states=self.states)
 
 
 def read_contacts(assembly: Assembly, console: Console) -> ContactReport:
@@ -312,7 +323,6 @@ def simulated(
     """
     from mocca_robot.runtime.executors import executor
     from sim.simulate import simulate
-    from sim.simulation_json import simulation_to_data, write_simulation
     from sim.trial_store import TrialStore
 
     assembly = outcome.design.assembly
@@ -325,11 +335,10 @@ def simulated(
 
         with executor(questions.threads) as processes:
             found = simulate(assembly, ways, questions, tell, store, processes=processes)
-        path = write_simulation(found, folder / "simulation.json")
-    data = simulation_to_data(found)
-    findings = (*outcome.findings, *physics_evidence.simulation_findings(assembly, data))
-    files = {**outcome.files, "simulation": path}
-    return replace(outcome, simulation=data, findings=findings, files=files), found.interrupted
+        path = write_simulation(found, folder / "simulation.json", assembly)
+    outcome = replace(outcome, simulation=found, files={**outcome.files, "simulation": path})
+    findings = (*outcome.findings, *reasons.physics_findings(outcome.remarks))
+    return replace(outcome, findings=findings), found.interrupted
 
 
 def reported(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.geometry.cones import cross, extreme_rays
 from mocca_robot.joints.joint import Joint
 from mocca_robot.report.markup import degrees, esc, point_list, px
+from mocca_robot.verdicts.physics import InsertionTrial
 
 SECTION_HALVES = (2.0, 4.0, 8.0, 16.0)
 """Half-widths of the window on the cut plane c·v = 1: the first that holds all sliding of the section."""
@@ -86,12 +86,12 @@ def joint_section(joint: Joint, about: Array, length: float, way_out: Array | No
 
 
 def direction_map(
-    normals: Array, way_out: Array, alpha_rad: float, trials: Sequence[Mapping[str, Any]] = (), limit_deg: float = 90.0
+    normals: Array, way_out: Array, alpha_rad: float, trials: Sequence[InsertionTrial] = (), limit_deg: float = 90.0
 ) -> str:
     """Return the map of translations around `way_out` (3,) as SVG: angle from the axis as radius, 0 to `limit_deg`.
 
-    The free directions {x : normals·x ≥ 0} are filled, K(−d, α) is a ring, insertion `trials` (mappings with
-    'direction' and 'succeeded', as in simulation.json) are dots, crosses where they failed.
+    The free directions {x : normals·x ≥ 0} are filled, K(−d, α) is a ring, insertion `trials` are dots,
+    crosses where they failed.
     """
     axes = tangent_axes(way_out)
     azimuths = np.linspace(0, 2 * np.pi, 72, endpoint=False)
@@ -132,17 +132,16 @@ def tangent_axes(axis: Array) -> Array:
     return np.array([np.cross(second, axis), second])
 
 
-def _trial(trial: Mapping[str, Any], way_out: Array, axes: Array, limit_deg: float) -> str:
-    motion = trial.get("direction")
-    if not isinstance(motion, Sequence) or len(motion) != len(way_out):
+def _trial(trial: InsertionTrial, way_out: Array, axes: Array, limit_deg: float) -> str:
+    if len(trial.direction) != len(way_out):
         return ""
-    out = -np.asarray(motion, dtype=np.float64)
+    out = -np.asarray(trial.direction, dtype=np.float64)
     out = out / max(float(np.linalg.norm(out)), 1e-12)
     angle = np.rad2deg(np.arccos(np.clip(out @ way_out, -1.0, 1.0))) / limit_deg
     azimuth = np.arctan2(out @ axes[1], out @ axes[0])
     x, y = _pixels(min(angle, 1.0) * np.array([[np.cos(azimuth), np.sin(azimuth)]]), 1.0)[0]
-    title = f"<title>{esc(trial.get('peak_force_n', ''))} N</title>" if "peak_force_n" in trial else ""
-    if trial.get("succeeded"):
+    title = f"<title>{esc(trial.peak_force)} N</title>"
+    if trial.succeeded:
         return f'<circle class="trial-ok" cx="{px(x)}" cy="{px(y)}" r="2">{title}</circle>'
     cross_path = f"M{px(x - 2.5)} {px(y - 2.5)}l5 5m0-5l-5 5"
     return f'<path class="trial-bad" d="{cross_path}">{title}</path>'

@@ -6,16 +6,13 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
-from typing import Any, TypeAlias
 
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.design import Design
 from mocca_robot.statics.cases import CaseVerdict, critical_tilt, solve_case
 from mocca_robot.statics.loads import state_cases, tilt_azimuths
+from mocca_robot.verdicts.physics import Simulation
 from mocca_robot.verdicts.verification import Verification, verify
-
-Simulation: TypeAlias = Mapping[str, Any]
-"""The parsed simulation.json: see docs; unknown keys are ignored."""
 
 ENGINES = ("mocca-robot", "numpy", "scipy", "shapely", "mujoco", "clarabel", "piqp", "daqp", "osqp")
 
@@ -39,7 +36,7 @@ class ReportData:
         before, after: verdicts on the input and on the result, each from its own geometry.
         states: the result's intermediate assemblies, one per free part in assembly order.
         tilts: critical tilts by statics.
-        simulation: the parsed simulation.json; None when nothing was simulated.
+        simulation: what physics says; None when nothing was simulated.
         parameters: what the run was asked for.
         versions: of the programs that computed it.
         warnings: what a reader should know besides `design.notes`.

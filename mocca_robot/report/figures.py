@@ -11,7 +11,6 @@ import numpy as np
 from mocca_robot.report import pictures
 from mocca_robot.report.animation import Shot, film
 from mocca_robot.report.data import ReportData
-from mocca_robot.report.findings import entries
 from mocca_robot.report.markup import asset, esc, px
 from mocca_robot.report.palette import part_colours
 from mocca_robot.report.pictures import HATCH, Picture
@@ -76,10 +75,8 @@ def tilt_figure(data: ReportData) -> str | None:
     if mine := [t for t in data.tilts if t.friction == 0.0]:
         azimuths, angles = tuple(t.azimuth_rad for t in mine), tuple(t.after_rad for t in mine)
         series.append(TiltSeries("statics", "statics", azimuths, angles))
-    found = [t for t in entries(data, "tilt") if t.get("critical_deg") is not None and not t.get("friction")]
-    if found:
-        azimuths = tuple(float(np.deg2rad(t["azimuth_deg"])) for t in found)
-        angles = tuple(float(np.deg2rad(t["critical_deg"])) for t in found)
+    if found := [t for t in data.simulation.tilt if t.friction == 0.0] if data.simulation else []:
+        azimuths, angles = tuple(t.azimuth_rad for t in found), tuple(t.critical_rad for t in found)
         series.append(TiltSeries("MuJoCo", "physics", azimuths, angles))
     if not series:
         return None

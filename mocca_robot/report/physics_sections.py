@@ -3,43 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from mocca_robot.report.cone_plots import direction_map
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.drawing2d import way_out_normals
-from mocca_robot.report.findings import entries
 from mocca_robot.report.markup import badge, degrees, esc, listed, significant, table
 from mocca_robot.report.sections import section
 from mocca_robot.report.summary import asked_tilt
 from mocca_robot.report.tilt_plots import TiltSeries, tilt_plot
+from mocca_robot.verdicts.agreement import towards
+from mocca_robot.verdicts.physics import PartInsertion, Tries
 
 
 def tilt(data: ReportData) -> str:
     """Return the critical tilt by statics beside MuJoCo's, one plot per friction coefficient, and their table."""
-    simulated = entries(data, "tilt")
+    simulated = data.simulation.tilt if data.simulation else ()
     if not data.tilts and not simulated:
         return ""
     dimension = data.design.assembly.dimension
-    frictions = sorted({t.friction for t in data.tilts} | {float(t.get("friction") or 0.0) for t in simulated})
+    frictions = sorted({t.friction for t in data.tilts} | {t.friction for t in simulated})
     figures, rows = [], []
     for mu in frictions:
         mine = [t for t in data.tilts if t.friction == mu]
-        theirs = [t for t in simulated if float(t.get("friction") or 0.0) == mu]
+        theirs = [t for t in simulated if t.friction == mu]
         series = []
         known = {round(float(np.rad2deg(t.azimuth_rad)), 6): t for t in mine}
         statics = {a: float(np.rad2deg(t.after_rad)) for a, t in known.items()}
-        physics: dict[float, float] = {}
-        within: dict[float, float] = {}
-        for entry in theirs:
-            azimuth = round(float(entry.get("azimuth_deg") or 0.0), 6)
-            if entry.get("statics_deg") is not None:
-                statics.setdefault(azimuth, float(entry["statics_deg"]))
-            if entry.get("critical_deg") is not None:
-                physics[azimuth] = float(entry["critical_deg"])
-                within[azimuth] = float(entry.get("within_deg") or 0.0)
+        measured = {round(float(np.rad2deg(t.azimuth_rad)), 6): t for t in theirs}
+        statics = {a: float(np.rad2deg(t.statics_rad)) for a, t in measured.items()} | statics
+        physics = {a: float(np.rad2deg(t.critical_rad)) for a, t in measured.items()}
         inputs = {a: float(np.rad2deg(t.before_rad)) for a, t in known.items() if t.before_rad is not None}
         for name, style, values in (
             ("statics", "statics", statics),
@@ -54,28 +48,22 @@ def tilt(data: ReportData) -> str:
             figures.append(f"<figure>{drawn}<figcaption>Friction coefficient {mu:g}.</figcaption></figure>")
         for azimuth in sorted({*statics, *physics}):
             a, b = statics.get(azimuth), physics.get(azimuth)
-            apart = "–" if a is None or b is None else f"{abs(a - b) + within[azimuth]:.2f}°"
+            apart = "–" if b is None else f"{np.rad2deg(measured[azimuth].apart_rad):.2f}°"
             cells = ["–" if v is None else f"{v:.2f}°" for v in (inputs.get(azimuth), a, b)]
-            rows.append([_towards(azimuth, dimension), f"{mu:g}", *cells, apart])
+            rows.append([towards(float(np.deg2rad(azimuth)), dimension), f"{mu:g}", *cells, apart])
     head = ("Towards", "Friction", "Input, statics", "Statics", "MuJoCo", "Apart, at most")
     words = "<p>How far the ground can tilt before something moves: by a linear program, and by letting MuJoCo go.</p>"
     body = f'{words}<div class="figures">{"".join(figures)}</div>'
     return section("tilt", "Tilt", body + table(head, rows, caption="Critical tilt", numeric=(1, 2, 3, 4, 5)))
 
 
-def _towards(azimuth_deg: float, dimension: int) -> str:
-    if dimension == 2:
-        return "right" if np.cos(np.deg2rad(azimuth_deg)) >= 0 else "left"
-    return f"{azimuth_deg:.0f}°"
-
-
 def insertion(data: ReportData) -> str:
     """Return how each part goes in: its cone by geometry, MuJoCo's trials, and in 3D the map of directions."""
-    simulated = {str(e.get("part")): e for e in entries(data, "insertion")}
+    simulated = {e.part: e for e in data.simulation.insertion} if data.simulation else {}
     rows = []
     for verdict in data.after.insertions:
-        entry = simulated.get(verdict.part, {})
-        inside, outside = entry.get("inside") or {}, entry.get("outside") or {}
+        entry = simulated.get(verdict.part)
+        inside, outside = (entry.inside, entry.outside) if entry else (Tries.of(()), Tries.of(()))
         mark = badge("ok", "goes in") if verdict.assemblable else badge("bad", "blocked")
         rows.append(
             [
@@ -85,8 +73,8 @@ def insertion(data: ReportData) -> str:
                 degrees(verdict.alpha_rad),
                 listed(verdict.blockers, 4) if verdict.blockers else "–",
                 _share(inside),
-                f"{significant(float(inside['peak_force_n']), 2)} N" if inside.get("peak_force_n") is not None else "–",
-                f"{outside.get('succeeded', 0)} of {outside['trials']}" if outside.get("trials") else "–",
+                f"{significant(inside.peak_force, 2)} N" if entry else "–",
+                f"{outside.succeeded} of {outside.trials}" if outside.trials else "–",
             ]
         )
     head = ("Part", "By geometry", "Asked ±", "Free ±", "Blockers", "MuJoCo inside", "Peak force", "Passed outside")
@@ -98,27 +86,26 @@ def insertion(data: ReportData) -> str:
     return section("insertion", "Insertion", body + _maps(data, simulated))
 
 
-def _share(trials: Mapping[str, Any]) -> str:
-    total = int(trials.get("trials", 0))
-    if not total:
+def _share(tries: Tries) -> str:
+    if not tries.trials:
         return "–"
-    share = 100.0 * int(trials.get("succeeded", 0)) / total
-    return f'<span class="bar"><i style="width:{share:.0f}%"></i></span>{trials.get("succeeded", 0)} of {total}'
+    share = 100.0 * tries.succeeded / tries.trials
+    return f'<span class="bar"><i style="width:{share:.0f}%"></i></span>{tries.succeeded} of {tries.trials}'
 
 
-def _maps(data: ReportData, simulated: Mapping[str, Mapping[str, Any]]) -> str:
+def _maps(data: ReportData, simulated: Mapping[str, PartInsertion]) -> str:
     assembly = data.design.assembly
     if assembly.dimension == 2:
         return ""
     normals = way_out_normals(assembly, data.after.contacts)
     drawn = []
     for item in data.design.insertion:
-        trials = simulated.get(item.part, {}).get("trials")
+        entry = simulated.get(item.part)
         plot = direction_map(
             normals.get(assembly.index(item.part), np.zeros((0, 3))),
             -np.asarray(item.direction),
             assembly.alpha_rad or 0.0,
-            trials if isinstance(trials, list) else (),
+            entry.trials if entry else (),
         )
         drawn.append(f"<figure>{plot}<figcaption>{esc(item.part)}</figcaption></figure>")
     words = "Directions around each part's way out: filled = free, ring = asked for, dots = trials, crosses = failed"

@@ -195,16 +195,15 @@ def parts(data: ReportData) -> str:
 def provenance(data: ReportData) -> str:
     """Return parameters, timings, versions, notes and warnings."""
     seconds = dict(data.design.seconds)
-    if data.simulation is not None and isinstance(data.simulation.get("seconds"), int | float):
-        seconds["simulation"] = float(data.simulation["seconds"])
     versions = dict(data.versions)
-    if data.simulation is not None and data.simulation.get("engine"):
-        versions["simulated by"] = str(data.simulation["engine"])
+    notes = [*data.warnings, *data.design.notes]
+    if data.simulation is not None:
+        seconds["simulation"] = float(data.simulation.seconds.get("total", 0.0))
+        versions["simulated by"] = data.simulation.engine
+        notes += data.simulation.notes
+        if data.simulation.interrupted:
+            notes.insert(0, "The simulation was interrupted; it holds what was finished by then.")
     body = ""
-    simulation = data.simulation or {}
-    notes = [*data.warnings, *data.design.notes, *(str(n) for n in simulation.get("notes") or [])]
-    if simulation.get("interrupted"):
-        notes.insert(0, "The simulation was interrupted; it holds what was finished by then.")
     if notes:
         body += f'<h3>Notes</h3><ul class="notes">{"".join(f"<li>{esc(n)}</li>" for n in notes)}</ul>'
     overlap = f"Largest overlap of two parts: {significant(data.after.part_overlap, 2)} of the smaller one."

@@ -8,7 +8,7 @@ import numpy as np
 
 from mocca_robot.assembly import Goal, Interlocking, Lateral, SupportFree
 from mocca_robot.report.data import ReportData
-from mocca_robot.report.findings import below_bound, disagreements, entries, smallest_tilt, states, tilt_gaps
+from mocca_robot.report.findings import below_bound, disagreements, smallest_tilt, states, tilt_gaps
 from mocca_robot.report.markup import degrees, esc, listed, plural, significant
 from mocca_robot.statics.cases import CaseVerdict
 from mocca_robot.verdicts.verification import Verification
@@ -147,10 +147,10 @@ def _physics(data: ReportData) -> str:
     same = sum(s.agree is True for s in compared)
     tilts = tilt_gaps(data)
     said = [f"{same} of {plural(len(compared), 'state')} the same verdict"] if compared else []
-    said += [f"critical tilt within {max(tilts):.2f}°"] if tilts else []
-    trials = sum(int((i.get("inside") or {}).get("trials", 0)) for i in entries(data, "insertion"))
-    passed = sum(int((i.get("inside") or {}).get("succeeded", 0)) for i in entries(data, "insertion"))
-    said += [f"{passed} of {trials} insertions inside the cones succeed"] if trials else []
+    said += [f"critical tilt within {np.rad2deg(max(tilts)):.2f}°"] if tilts else []
+    inside = [t for t in data.simulation.trials if t.inside]
+    passed = sum(t.succeeded for t in inside)
+    said += [f"{passed} of {len(inside)} insertions inside the cones succeed"] if inside else []
     words = "; ".join(said)
     if disagreements(data):
         return card("bad", question, "Disagrees", f"{words}. See the list below.")

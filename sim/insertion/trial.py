@@ -12,12 +12,12 @@ weight, means that something stood in the way.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from mocca_robot.arrays import Array
+from mocca_robot.verdicts.physics import InsertionTrial
 from sim.heard import heard
 from sim.insertion.directions import Direction
 from sim.insertion.hand import HAND, STEADY, HandOptions, HandPath, PlacingError, grip_offset
@@ -31,41 +31,6 @@ NEAR = 2.0
 """Errors of the grip, over the sine of the cone's half-angle: from there on to its seat a part may meet neighbours."""
 LAST_STRETCH = 0.4
 """Share of the hand's steps for the last stretch of a way, all that is gone among free neighbours."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class InsertionTrial:
-    """One insertion, judged.
-
-    Attributes:
-        part, kind: name; 'axis', 'interior', 'rim' or 'outside'.
-        direction: way in, (d,).
-        clearance: metres that the part was made smaller all around.
-        error: effective length e of the hand's error, metres.
-        below: 'held' when the earlier parts could not move, 'free' when they could and were judged too.
-        succeeded: nothing was in the way.
-        reason: for people.
-        peak_force: largest net contact force and torque/reach on the part, N; allowed_force what it may be.
-        peak_penetration: metres.
-        tracking_error: largest deviation from the commanded path, metres.
-        moved_below: names of earlier parts that moved too far.
-        steps: of the simulation.
-    """
-
-    part: str
-    kind: str
-    direction: tuple[float, ...]
-    clearance: float
-    error: float
-    below: str
-    succeeded: bool
-    reason: str
-    peak_force: float
-    allowed_force: float
-    peak_penetration: float
-    tracking_error: float
-    moved_below: tuple[str, ...]
-    steps: int
 
 
 def insert(

@@ -20,12 +20,13 @@ from mocca_robot.geometry.extrusion import surface
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.ways_out import insertion_rim
 from mocca_robot.statics.cases import case_at, solve_case
+from mocca_robot.verdicts.physics import Verdict
 from sim.insertion.directions import insertion_cone
 from sim.motion import Motion, run
 from sim.scene import Compiled, compile_scene, with_timestep
 from sim.shapes.contact_model import contact_model, embed
 from sim.show.mjcf import colour
-from sim.stability import Verdict, free_scene, judged
+from sim.stability import free_scene, judged
 
 INSTALL = "The viewer needs viser: `pip install mocca-robot[viewer]`. report.html shows the same without it."
 FRAMES_PER_PART = 15

@@ -23,6 +23,7 @@ from mocca_robot.motion.parts_graph import parts_graph
 from mocca_robot.runtime.threads import with_one_blas_thread
 from mocca_robot.statics.cases import critical_tilts
 from mocca_robot.statics.loads import tilt_azimuths
+from mocca_robot.verdicts.agreement import contradictions
 from mocca_robot.verdicts.verification import Verification, verify
 
 Row: TypeAlias = dict[str, Any]
@@ -149,12 +150,12 @@ def _simulated(assembly: Assembly, ways: Mapping[str, Array], config: Config) ->
     )
     found = simulate(assembly, dict(ways), asked)
     level = [t.critical_rad for t in found.tilt if t.friction == 0.0]
-    inside = [t for t in found.insertion if t.kind != "outside"]
+    inside = [t for t in found.trials if t.inside]
     return {
         "mujoco_states_standing": sum(s.stands for s in found.states),
         "mujoco_states": len(found.states),
         "mujoco_tilt_deg": float(np.rad2deg(min(level))) if level else None,
         "mujoco_insertions_inside": len(inside),
         "mujoco_insertions_succeeded": sum(t.succeeded for t in inside),
-        "mujoco_disagreements": len(found.disagreements),
+        "mujoco_disagreements": len(contradictions(assembly, found)),
     }

@@ -1,110 +1,120 @@
-"""Verdicts in words: what counts as a contradiction between physics and statics, and what does not."""
+"""The closing line tells physics' verdicts; what it holds against a design is what the report says, word for word."""
 
-from typing import Any
+import dataclasses
 
 import numpy as np
 import pytest
 
-from mocca_robot.assembly import Assembly, Equilibrium, Goal, Interlocking, Part, Polygon, SupportFree
-from mocca_robot.cli.closing_lines import physics_words
-from mocca_robot.cli.physics_evidence import explained, simulation_findings
-
-SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-
-
-def assembly(*goals: Goal) -> Assembly:
-    shapes = [Polygon(SQUARE + np.array([0.0, height])) for height in range(3)]
-    parts = tuple(Part(name, shape, fixed=name == "a") for name, shape in zip("abc", shapes))
-    return Assembly("x", parts, goals or (Equilibrium(),))
-
-
-def state(placed: str, stable: bool | None, statics: bool | None) -> dict[str, Any]:
-    return {
-        "placed": placed,
-        "stable": stable,
-        "statics_stable": statics,
-        "agrees": stable is not None and stable == statics,
-        "moved": [] if stable else [placed],
-        "reason": "the clock stopped",
-    }
-
-
-def tilt(critical: float, statics: float, friction: float, failed: tuple[float, ...] = ()) -> dict[str, Any]:
-    return {
-        "azimuth_deg": 0.0,
-        "critical_deg": critical,
-        "statics_deg": statics,
-        "friction": friction,
-        "runs_without_verdict_deg": list(failed),
-    }
-
-
-def kinds(simulation: dict[str, Any], *goals: Goal) -> list[str]:
-    return [f.kind for f in simulation_findings(assembly(*goals), simulation)]
-
-
-def test_falling_states_count_only_where_they_are_asked_for() -> None:
-    states = {"states": [state("b", False, False), state("c", True, True)]}
-    assert kinds(states) == []
-    assert kinds(states, SupportFree()) == ["falls"]
-    end = {"states": [state("b", True, True), state("c", False, False)]}
-    assert kinds(end) == ["falls"]
-    assert kinds(end, Interlocking("c")) == []
-
-
-def test_every_disagreement_counts_asked_for_or_not() -> None:
-    states = {"states": [state("b", False, True), state("c", True, True)]}
-    assert kinds(states) == ["disagreement"]
-    assert kinds({"states": [state("b", None, True), state("c", True, True)]}) == ["inaccurate"]
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-@pytest.mark.parametrize(
-    ("critical", "statics", "found"),
-    [(2.4, 2.5, []), (1.5, 2.5, ["disagreement"]), (12.0, 10.0, ["disagreement"])],
+from mocca_robot.assembly import Assembly, Equilibrium, Part, Polygon, SupportFree
+from mocca_robot.cli.closing_lines import document, physics_words
+from mocca_robot.cli.reasons import physics_findings
+from mocca_robot.cli.stages import DesignOutcome
+from mocca_robot.contacts.find import find_contacts
+from mocca_robot.design import Design
+from mocca_robot.joints.joint import planar
+from mocca_robot.report.data import ReportData, collect
+from mocca_robot.report.findings import below_bound, disagreements
+from mocca_robot.report.markup import esc
+from mocca_robot.report.page import report_page
+from mocca_robot.statics.solution import Status
+from mocca_robot.verdicts.physics import (
+    InsertionTrial,
+    PartInsertion,
+    Simulation,
+    StateVerdict,
+    TiltVerdict,
+    Verdict,
 )
-def test_tilts_apart_are_a_disagreement_with_and_without_friction(
-    critical: float, statics: float, friction: float, found: list[str]
-) -> None:
-    assert kinds({"tilt": [tilt(critical, statics, friction)]}) == found
 
 
-def test_a_disagreement_is_told_with_its_cause() -> None:
-    early = {**tilt(10.0, 12.0, 0.0), "cause": "none found (fell with a step of 5 µs)"}
-    (finding,) = simulation_findings(assembly(), {"tilt": [early]})
-    assert finding.text.endswith("12.00° by statics; cause: none found (fell with a step of 5 µs).")
-    fallen = {**state("b", False, True), "cause": "soft contacts"}
-    (finding,) = simulation_findings(assembly(), {"states": [fallen, state("c", True, True)]})
-    assert "falls in MuJoCo and stands by statics; cause: soft contacts." in finding.text
+def tilt(
+    critical_deg: float, statics_deg: float, friction: float, within_deg: float = 0.0, cause: str = ""
+) -> TiltVerdict:
+    critical, statics, within = (float(np.deg2rad(a)) for a in (critical_deg, statics_deg, within_deg))
+    return TiltVerdict(
+        azimuth_rad=0.0, critical_rad=critical, statics_rad=statics, friction=friction, within_rad=within, cause=cause
+    )
 
 
-def test_only_tilts_below_the_bound_that_statics_is_with_friction_hold_nothing_against_a_design() -> None:
-    shown = {**tilt(10.0, 12.0, 0.3), "cause": "friction not made by the fall: fell with a step of 5 µs"}
-    (note,) = explained(assembly(), {"tilt": [shown]})
-    assert simulation_findings(assembly(), {"tilt": [shown]}) == [] and "12.00° by statics; cause: friction" in note
-    for other in ({"friction": 0.0}, {"critical_deg": 14.0}, {"cause": ""}, {"runs_without_verdict_deg": [10.2]}):
-        entry = {**shown, **other}
-        assert [f.kind for f in simulation_findings(assembly(), {"tilt": [entry]})] == ["disagreement"]
-        assert explained(assembly(), {"tilt": [entry]}) == []
+def simulation(*tilts: TiltVerdict) -> Simulation:
+    return Simulation(name="x", engine="mujoco 3", tilt=tilts)
 
 
-def test_runs_without_a_verdict_are_never_hidden() -> None:
-    assert kinds({"tilt": [tilt(10.0, 12.0, 0.3, failed=(10.5,))]}) == ["disagreement"]
+def told() -> Simulation:
+    """A simulation that holds everything against a pile of two blocks that there is."""
+    ways = (("rim", False), ("outside", True))
+    trials = tuple(
+        InsertionTrial(part="c", kind=kind, direction=(0.0, -1.0), succeeded=succeeded, reason="penetrated by 1 mm")
+        for kind, succeeded in ways
+    )
+    return Simulation(
+        name="x",
+        engine="mujoco 3",
+        states=(
+            StateVerdict(placed="b", verdict=Verdict.FELL, statics=Status.EQUILIBRIUM, moved=("b",), cause="soft"),
+            StateVerdict(placed="c", verdict=Verdict.FAILED, statics=Status.EQUILIBRIUM, reason="it exploded"),
+        ),
+        tilt=(tilt(10.0, 12.0, 0.3, cause="none found"), tilt(10.0, 12.0, 0.0)),
+        insertion=(PartInsertion(part="c", axis=(0.0, -1.0), realised_rad=0.2, tried_rad=0.1, trials=trials),),
+    )
 
 
-def test_jams_inside_and_passages_outside_the_cone() -> None:
-    trials = [{"kind": "rim", "succeeded": False, "reason": "penetrated by 1 mm"}]
-    entry = {"part": "b", "inside": {"trials": 1, "succeeded": 0}, "outside": {"trials": 2, "succeeded": 1}}
-    found = simulation_findings(assembly(), {"insertion": [{**entry, "trials": trials}]})
-    assert [f.kind for f in found] == ["jams", "disagreement"]
-    assert "penetrated by 1 mm" in found[0].text and all(f.parts == ("b",) for f in found)
+@pytest.fixture(scope="module")
+def pile() -> ReportData:
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    shapes = [Polygon(square + np.array([0.0, height])) for height in range(3)]
+    parts = tuple(Part(name, shape, fixed=name == "a") for name, shape in zip("abc", shapes))
+    assembly = Assembly("x", parts, (Equilibrium(), SupportFree()))
+    joints = tuple(planar(c) for c in find_contacts(assembly).contacts)
+    return collect(
+        Design(source=assembly, assembly=assembly, joints=joints, insertion=(), load_cases=()),
+        versions={},
+        simulation=told(),
+    )
+
+
+def outcome(data: ReportData) -> DesignOutcome:
+    return DesignOutcome(
+        design=data.design, before=data.before, after=data.after, states=data.states, simulation=data.simulation
+    )
+
+
+def test_report_and_command_line_say_the_same_words(pile: ReportData) -> None:
+    mine = outcome(pile)
+    found = physics_findings(mine.remarks)
+    notes = document(mine, ())["notes"]
+    assert [f.kind for f in found] == ["disagreement", "disagreement", "falls", "inaccurate", "jams", "disagreement"]
+    assert below_bound(pile) == tuple(notes) and len(notes) == 1
+    assert list(disagreements(pile)) == [f.text for f in found if f.kind != "falls"]
+    page = report_page(pile)
+    assert all(esc(text) in page for text in (*disagreements(pile), *notes))
+    told_in_file = document(mine, ())["simulation"]["disagreements"]
+    assert set(told_in_file) <= {*disagreements(pile), *notes} and len(told_in_file) == 4
+
+
+def test_what_is_held_against_a_design_names_its_parts_and_state(pile: ReportData) -> None:
+    by_kind = {f.kind: f for f in physics_findings(outcome(pile).remarks)}
+    assert by_kind["falls"].parts == ("b",) and by_kind["falls"].case == "state_b"
+    assert by_kind["jams"].parts == ("c",) and by_kind["inaccurate"].case == "state_c"
+
+
+def test_a_simulation_that_agrees_holds_nothing_against_a_design(pile: ReportData) -> None:
+    agreeing = dataclasses.replace(pile, simulation=simulation(tilt(12.0, 12.1, 0.0)))
+    assert outcome(agreeing).remarks == () and disagreements(agreeing) == () and below_bound(agreeing) == ()
+    unasked = dataclasses.replace(pile, simulation=None)
+    assert outcome(unasked).remarks == () and document(outcome(unasked), ())["simulation"] is None
 
 
 def test_engines_are_no_closer_than_physics_is_fine() -> None:
-    told = {"engine": "mujoco", "tilt": [{**tilt(12.5, 12.5, 0.0), "within_deg": 0.05}]}
-    assert "statics at most 0.05° apart" in physics_words(told)
+    assert "statics at most 0.05° apart" in physics_words(simulation(tilt(12.5, 12.5, 0.0, within_deg=0.05)))
 
 
 def test_every_friction_has_its_tilt() -> None:
-    told = {"tilt": [tilt(12.5, 12.5, 0.0), tilt(30.0, 30.0, 0.3), tilt(21.0, 21.5, 0.3)]}
-    assert "(statics at most 0.00° apart), 21.00° with friction 0.3 (statics at most 0.50°" in physics_words(told)
+    said = physics_words(simulation(tilt(12.5, 12.5, 0.0), tilt(30.0, 30.0, 0.3), tilt(21.0, 21.5, 0.3)))
+    assert "(statics at most 0.00° apart), 21.00° with friction 0.3 (statics at most 0.50°" in said
+
+
+def test_states_are_counted_by_what_they_agree_on() -> None:
+    said = physics_words(told())
+    assert said.startswith("mujoco 3: 0 of 2 states stand, 0 agree with statics; falls at a tilt of 10.00° (")
+    assert said.endswith("0 of 1 insertions inside the cones succeed, 1 of 1 outside")

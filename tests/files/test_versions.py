@@ -28,10 +28,10 @@ from mocca_robot.files.versions import (
 from mocca_robot.files.versions import PLAN as PLAN_FORMAT
 from mocca_robot.plan.plan import document
 from mocca_robot.plan.reader import plan_from_document
+from mocca_robot.verdicts.simulation_json import read_simulation
 from planners.cone_joints.checkpoint import Checkpoint, read_checkpoint
 from planners.cone_joints.search import SearchState
 from planners.robot.cell import cell_of, read_cell
-from sim.simulation_json import read_simulation
 from sim.studies.study import read_study
 
 FORMATS = (ASSEMBLY, DESIGN, SIMULATION, REHEARSAL, STUDY, PLAN_FORMAT, JOURNAL, PROGRESS)
@@ -94,7 +94,7 @@ def test_a_design_and_a_simulation_without_version_carry_a_note(tmp_path: Path) 
     path = tmp_path / "simulation.json"
     path.write_text(json.dumps({"format": SIMULATION.name, "engine": "mujoco", "notes": ["mine"]}))
     found = read_simulation(path)
-    assert found["version"] == 1 and 'no "version"' in found["notes"][0] and found["notes"][1:] == ["mine"]
+    assert found.engine == "mujoco" and 'no "version"' in found.notes[0] and found.notes[1:] == ("mine",)
 
 
 def test_a_plan_from_before_cells_were_described_is_read_but_not_rehearsed() -> None:

@@ -37,6 +37,14 @@ from mocca_robot.report.palette import part_colours
 from mocca_robot.report.scene3d import packed
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import load_cases, state_cases
+from mocca_robot.verdicts.physics import (
+    InsertionTrial,
+    PartInsertion,
+    Simulation,
+    StateVerdict,
+    TiltVerdict,
+    Verdict,
+)
 from mocca_robot.verdicts.verification import Verification
 
 HOSTILE = "</script><script>alert(1)</script> & \"'<b>"
@@ -113,17 +121,19 @@ def solid_data() -> ReportData:
     return collect(design, before=checked, after=checked, states=steps, tilts=tilts, versions={"x": "1"})
 
 
-def simulated(design: Design, **changes: Any) -> dict[str, Any]:
+def inserted(part: str, inside: int = 4, outside: int = 0) -> PartInsertion:
+    """Four ways inside the cone, two outside, of which so many succeed."""
+    ways = [("rim", k < inside) for k in range(4)] + [("outside", k < outside) for k in range(2)]
+    trials = tuple(InsertionTrial(part=part, kind=kind, direction=(0.0, -1.0), succeeded=ok) for kind, ok in ways)
+    return PartInsertion(part=part, axis=(0.0, -1.0), realised_rad=0.2, tried_rad=0.1, trials=trials)
+
+
+def simulated(design: Design, **changes: Any) -> Simulation:
     names = [p.name for p in design.assembly.parts if not p.fixed]
-    found: dict[str, Any] = {
-        "engine": "mujoco 9",
-        "seconds": 1.5,
-        "states": [{"placed": n, "stable": True, "moved": [], "extra": 1} for n in names],
-        "tilt": [],
-        "insertion": [{"part": n, "inside": {"trials": 4, "succeeded": 4}, "outside": {"trials": 2, "succeeded": 0}}
-                      for n in names],
-    }  # fmt: skip
-    return found | changes
+    states = tuple(StateVerdict(placed=n, verdict=Verdict.STANDS) for n in names)
+    entries = tuple(inserted(n) for n in names)
+    found = Simulation(name="x", engine="mujoco 9", seconds={"total": 1.5}, states=states, insertion=entries)
+    return dataclasses.replace(found, **changes)
 
 
 @pytest.fixture(scope="module")
@@ -210,11 +220,9 @@ def test_every_kind_of_disagreement_is_listed(flat: ReportData) -> None:
     names = [s.part for s in states(flat)]
     told = simulated(
         flat.design,
-        states=[{"placed": names[0], "stable": False, "moved": [names[0]]}],
-        tilt=[{"azimuth_deg": 0.0, "critical_deg": 44.0, "statics_deg": 1.0, "friction": 0.5}],
-        insertion=[
-            {"part": names[0], "inside": {"trials": 4, "succeeded": 3}, "outside": {"trials": 2, "succeeded": 1}}
-        ],
+        states=(StateVerdict(placed=names[0], verdict=Verdict.FELL, moved=(names[0],)),),
+        tilt=(TiltVerdict(azimuth_rad=0.0, critical_rad=0.7, statics_rad=0.02, friction=0.5),),
+        insertion=(inserted(names[0], inside=3, outside=1),),
     )
     found = disagreements(dataclasses.replace(flat, simulation=told))
     assert len(found) == 4
@@ -453,33 +461,40 @@ def test_trials_onto_a_state_that_needs_support_are_no_disagreement() -> None:
     relaxed = dataclasses.replace(design, assembly=dataclasses.replace(design.assembly, goals=(Equilibrium(),)))
     data = collect(dataclasses.replace(relaxed, load_cases=()), tilts=())
     second = states(data)[1].part
-    trials = [{"kind": "axis", "below": "free", "succeeded": False, "reason": "pushed b0 away", "direction": [0, -1]}]
-    entry = {"part": second, "inside": {"trials": 1, "succeeded": 0}, "outside": {"trials": 0}, "trials": trials}
-    supported = dataclasses.replace(data, simulation={"insertion": [entry]})
-    assert disagreements(supported) == ()
-    trials[0]["below"] = "held"
-    assert len(disagreements(supported)) == 1 and "pushed b0 away" in disagreements(supported)[0]
+    for below in ("free", "held"):
+        trial = InsertionTrial(
+            part=second, kind="axis", direction=(0.0, -1.0), succeeded=False, reason="pushed b0 away", below=below
+        )
+        entry = dataclasses.replace(inserted(second), trials=(trial,))
+        told = Simulation(name="x", engine="mujoco 9", insertion=(entry,))
+        found = disagreements(dataclasses.replace(data, simulation=told))
+        assert [("pushed b0 away" in text) for text in found] == ([True] if below == "held" else [])
 
 
 def test_films_show_recorded_motion_and_refuse_what_has_another_shape(flat: ReportData) -> None:
     placed = states(flat)[0].part
-    motion = {"parts": [placed], "times_s": [0.0, 0.1], "poses": [[[0, 0, 0]], [[0.01, 0, 0.2]]]}
-    told = simulated(flat.design, states=[{"placed": placed, "stable": False, "moved": [placed], "motion": motion}])
-    found = films(dataclasses.replace(flat, simulation=told), states(flat))
+    fell = StateVerdict(placed=placed, verdict=Verdict.FELL, moved=(placed,), parts=(placed,), times=(0.0, 0.1))
+
+    def filmed(*poses: tuple[tuple[float, ...], ...]) -> dict[str, Any]:
+        told = simulated(flat.design, states=(dataclasses.replace(fell, poses=poses),))
+        data = dataclasses.replace(flat, simulation=told)
+        return films(data, states(data))
+
+    found = filmed(((0.0, 0.0, 0.0),), ((0.01, 0.0, 0.2),))
     assert found == {"1": {"times": [0.0, 0.1], "parts": [1], "poses": [[[0, 0, 0]], [[0.01, 0, 0.2]]]}}
-    motion["poses"] = [[[0, 0]], [[0, float("nan")]]]
-    assert films(dataclasses.replace(flat, simulation=told), states(flat)) == {}
+    assert filmed(((0.0, 0.0),), ((0.01, 0.2),)) == filmed(((0.0, 0.0, 0.0),)) == filmed() == {}
 
 
 def test_physics_that_falls_earlier_than_statics_with_friction_is_told_with_its_cause(flat: ReportData) -> None:
     def with_tilt(measured: float, expected: float) -> ReportData:
-        entry = {"azimuth_deg": 0.0, "critical_deg": measured, "statics_deg": expected, "friction": 0.5}
-        told = [{**entry, "cause": "friction not made by the fall"}]
-        return dataclasses.replace(flat, simulation=simulated(flat.design, tilt=told))
+        critical, statics = float(np.deg2rad(measured)), float(np.deg2rad(expected))
+        cause = "friction not made by the fall"
+        tilt = TiltVerdict(azimuth_rad=0.0, critical_rad=critical, statics_rad=statics, friction=0.5, cause=cause)
+        return dataclasses.replace(flat, simulation=simulated(flat.design, tilt=(tilt,)))
 
     bounded = with_tilt(20.0, 25.0)
     (earlier,) = below_bound(bounded)
-    assert earlier.endswith("more than 0.5° apart; cause: friction not made by the fall.")
+    assert earlier.endswith("20.00° in MuJoCo, 25.00° by statics; cause: friction not made by the fall.")
     assert disagreements(bounded) == () and tilt_gaps(bounded) == ()
     page = report_page(bounded)
     assert esc(earlier) in page and 'id="upper-bounds"' in page and 'id="disagreements"' not in page

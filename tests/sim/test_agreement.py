@@ -8,10 +8,11 @@ from benchmarks.agreement import Comparison, Probe, random_case
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.statics.cases import case_at
 from mocca_robot.statics.loads import tilted_gravity
+from mocca_robot.verdicts.physics import Verdict
 from sim.disagreement import cause
 from sim.scene import with_gravity
 from sim.shapes.contact_model import contact_model
-from sim.stability import StabilityLimits, Verdict, judged
+from sim.stability import StabilityLimits, judged
 from sim.tilt import tilt_scene
 
 CASES = [(kind, seed) for kind in ("stack", "wall", "arch", "voronoi") for seed in (0, 1)]

@@ -18,15 +18,14 @@ from physics_models import WIDTH, box_stack_3d, jointed, stack
 from mocca_robot.errors import InputError
 from mocca_robot.runtime.content_hash import content_hash
 from mocca_robot.runtime.executors import executor
+from mocca_robot.verdicts.agreement import agree
+from mocca_robot.verdicts.simulation_json import simulation_to_data
 from sim.motion import Abandoned, abandoned
 from sim.questions import Questions
 from sim.robust import RobustOptions, wilson
 from sim.shapes.contact_model import contact_model
 from sim.simulate import simulate
-from sim.simulation import Simulation
-from sim.simulation_json import read_simulation, simulation_to_data, write_simulation
 from sim.stability import LIMITS, free_scene, stability
-from sim.tilt import TiltReport
 from sim.trial_store import Trial, TrialStore, run_trials
 
 ASK = Questions(directions=3, clearances=(0.0, 3e-4), threads=2)
@@ -43,9 +42,9 @@ def simulated():
 def test_physics_and_statics_agree_on_a_good_design(simulated):
     _, found, _ = simulated
     assert not found.interrupted
-    assert all(s.agrees for s in found.states)
+    assert all(agree(s.verdict, s.statics) for s in found.states)
     assert [t.friction for t in found.tilt] == [0.0, 0.0, 0.3, 0.3]
-    assert all(t.succeeded == (t.kind != "outside") for t in found.insertion), [t.reason for t in found.insertion]
+    assert all(t.succeeded == t.inside for t in found.trials), [t.reason for t in found.trials]
     assert all(abs(t.critical_rad - t.statics_rad) < np.deg2rad(0.5) for t in found.tilt if t.friction == 0.0)
 
 
@@ -61,12 +60,12 @@ def test_stages_that_run_side_by_side_find_out_what_each_does_alone(simulated):
     assert simulate(assembly, None, replace(ASK, stages=("tilt",))).tilt == found.tilt
     # States tell whether what is below a part stands, and so whether it is tried free.
     alone = simulate(assembly, None, replace(ASK, stages=("states", "insertion")))
-    assert len(alone.insertion) > 0 and alone.insertion == found.insertion
+    assert len(alone.trials) > 0 and alone.insertion == found.insertion
 
 
-def test_the_file_is_the_contract_and_plain_json(simulated, tmp_path):
-    _, found, _ = simulated
-    data = read_simulation(write_simulation(found, tmp_path / "simulation.json"))
+def test_the_file_is_the_contract_and_plain_json(simulated):
+    assembly, found, _ = simulated
+    data = simulation_to_data(found, assembly)
     assert data["format"] == "mocca-robot/simulation" and data["version"] == 1
     assert data["engine"].startswith("mujoco ")
     assert {"placed", "stable", "statics_stable", "moved", "max_displacement_m"} <= data["states"][0].keys()
@@ -74,14 +73,8 @@ def test_the_file_is_the_contract_and_plain_json(simulated, tmp_path):
     entry = data["insertion"][0]
     assert entry["inside"]["trials"] == entry["inside"]["succeeded"] > 0
     assert entry["outside"]["trials"] > 0 and entry["outside"]["succeeded"] == 0
-    assert json.loads(json.dumps(simulation_to_data(found))) == data
-
-
-def test_other_files_are_refused(tmp_path):
-    path = tmp_path / "x.json"
-    path.write_text('{"format": "something"}')
-    with pytest.raises(InputError, match='it must be "mocca-robot/simulation"'):
-        read_simulation(path)
+    again = json.loads(json.dumps(data))
+    assert again["tilt"] == data["tilt"] and again["insertion"] == data["insertion"]
 
 
 def test_finished_trials_are_not_run_again(simulated, tmp_path):
@@ -108,7 +101,7 @@ def test_an_interruption_keeps_what_is_finished(tmp_path):
     found = simulate(assembly, None, replace(ASK, threads=1), stop, store)
     assert found.interrupted and not found.tilt and not found.insertion
     assert 0 < len(store) == len(found.states)
-    assert simulation_to_data(found)["interrupted"]
+    assert simulation_to_data(found, assembly)["interrupted"]
 
 
 def test_what_takes_too_long_after_an_interruption_is_abandoned(monkeypatch):
@@ -191,7 +184,7 @@ def test_an_unstable_design_shows_where_it_falls():
     assembly, _ = jointed(stack(3, 0.45 * WIDTH), 0.1)
     found = simulate(assembly, None, replace(ASK, stages=("states", "insertion"), directions=1))
     assert found.needs_support
-    assert all(s.agrees for s in found.states)
+    assert all(agree(s.verdict, s.statics) for s in found.states)
     followers = {f"b{int(name[1:]) + 1}" for name in found.needs_support} & {"b1", "b2"}
     assert {
         name for name in ("b1", "b2") if any(name in n and "without support" in n for n in found.notes)
@@ -243,24 +236,3 @@ def test_robustness_is_the_same_for_the_same_seed():
     assert first.trials == 4 and first.low <= first.rate <= first.high
     with pytest.raises(InputError, match="0 robustness trials"):
         RobustOptions(trials=0)
-
-
-def test_physics_that_differs_from_statics_counts_with_friction_too_and_tells_its_cause() -> None:
-    def with_tilt(found: float, expected: float, failed: tuple[float, ...] = (), cause: str = "") -> Simulation:
-        tilt = TiltReport(
-            azimuth_rad=0.0,
-            critical_rad=float(np.deg2rad(found)),
-            statics_rad=float(np.deg2rad(expected)),
-            friction=0.3,
-            moved=(),
-            failed=failed,
-            within_rad=0.0,
-            cause=cause,
-        )
-        return Simulation(name="tower", engine="mujoco", dimension=2, tilt=(tilt,))
-
-    assert with_tilt(25.2, 25.0).disagreements == ()
-    assert len(with_tilt(25.0, 20.0).disagreements) == 1
-    (earlier,) = with_tilt(20.0, 25.0, cause="friction not made by the fall").disagreements
-    assert earlier.endswith("statics 25.00°; cause: friction not made by the fall")
-    assert "no verdict" in with_tilt(20.0, 25.0, (0.3,)).disagreements[0]

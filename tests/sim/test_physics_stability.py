@@ -16,12 +16,14 @@ from mocca_robot.errors import InputError
 from mocca_robot.statics.cases import case_at, critical_tilt, solve_case
 from mocca_robot.statics.loads import state_cases, tilted_gravity
 from mocca_robot.statics.solution import Status
+from mocca_robot.verdicts.agreement import agree
+from mocca_robot.verdicts.physics import Verdict
 from sim.motion import run
 from sim.scene import compile_scene, with_gravity
 from sim.settings import settings_for
 from sim.shapes.contact_model import contact_model, facets, pieces
-from sim.stability import StabilityLimits, Verdict, at_once, free_scene, judged, stability
-from sim.states import state_result
+from sim.stability import StabilityLimits, at_once, free_scene, judged, stability
+from sim.states import state_verdict
 from sim.tilt import RESOLUTION, azimuths, physical_tilt, tilt_scene
 
 
@@ -104,9 +106,9 @@ def test_every_state_agrees_with_statics_also_where_it_falls():
     assembly = stack(5, 0.3 * WIDTH)
     contacts = find_contacts(assembly).contacts
     model = contact_model(assembly, contacts, 0.5)
-    results = [state_result(assembly, model, contacts, case, 0.5) for case in state_cases(assembly)]
+    results = [state_verdict(assembly, model, contacts, case, 0.5) for case in state_cases(assembly)]
     assert [r.placed for r in results] == [p.name for p in assembly.parts if not p.fixed]
-    assert all(r.agrees for r in results)
+    assert all(agree(r.verdict, r.statics) for r in results)
     assert results[0].stands and not results[-1].stands
     assert results[-1].moved and results[-1].times and len(results[-1].poses) == len(results[-1].times)
 
