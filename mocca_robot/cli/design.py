@@ -39,16 +39,16 @@ def run(args: argparse.Namespace) -> int:
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
     if args.largest_angle:
-        climb = stages.climbed(config, contacts, console)
+        climb = stages.find_largest_tilt(config, contacts, console)
         result, further = climb.designed, stages.climb_data(climb)
     else:
-        result, further = stages.designed(config, contacts, folder, console), {}
-    files, problems = stages.written(result, config, folder, console)
+        result, further = stages.design_joints(config, contacts, folder, console), {}
+    files, problems = stages.write_files(result, config, folder, console)
     if result.interrupted is not None:
         return stages.interrupted(result, files, folder, console)
     outcome = stages.verified(folder, result, files, problems, console)
-    outcome = stages.reported(outcome, config, folder, console)
-    stages.concluded(folder)
+    outcome = stages.write_pages(outcome, config, folder, console)
+    stages.forget_progress(folder)
     if args.largest_angle:
         console.say(stages.climb_words(climb))
     return conclude(outcome, console, further=further)

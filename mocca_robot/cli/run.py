@@ -34,13 +34,13 @@ def run(args: argparse.Namespace) -> int:
         console.warn(f"note: {note}")
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
-    result = stages.designed(config, contacts, folder, console)
-    files, problems = stages.written(result, config, folder, console)
+    result = stages.design_joints(config, contacts, folder, console)
+    files, problems = stages.write_files(result, config, folder, console)
     if result.interrupted is not None:
         return stages.interrupted(result, files, folder, console)
     outcome = stages.verified(folder, result, files, problems, console)
-    outcome, interrupted = stages.simulated(outcome, questions, folder, console)
-    outcome = stages.reported(outcome, config, folder, console)
+    outcome, interrupted = stages.simulate_design(outcome, questions, folder, console)
+    outcome = stages.write_pages(outcome, config, folder, console)
     if not interrupted:
-        stages.concluded(folder)
+        stages.forget_progress(folder)
     return conclude(outcome, console, interrupted=interrupted)

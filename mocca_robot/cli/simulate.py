@@ -93,8 +93,8 @@ def run(args: argparse.Namespace) -> int:
         outcome = stages.judged(stored, console)
     else:
         outcome = stages.judged_as_is(config, contacts, console)
-    outcome, interrupted = stages.simulated(outcome, asked, folder, console)
-    outcome = stages.reported(outcome, config, folder, console)
+    outcome, interrupted = stages.simulate_design(outcome, asked, folder, console)
+    outcome = stages.write_pages(outcome, config, folder, console)
     # After the report, which is there then also where OpenGL is missing.
     if args.film and not interrupted:
         with console.stage("film"):

@@ -89,11 +89,11 @@ PROGRESS_FILE = "design-progress.json"
 """Beside the results: where an interrupted design stood."""
 
 
-def designed(config: Config, contacts: ContactReport, folder: Path, console: Console) -> Designed:
+def design_joints(config: Config, contacts: ContactReport, folder: Path, console: Console) -> Designed:
     """Return the design run's outcome, with its two stages' wall times.
 
     Goes on where an earlier run of the same input into the same folder was interrupted. Where it stands is kept
-    in `PROGRESS_FILE` until `concluded`.
+    in `PROGRESS_FILE` until `forget_progress`.
     """
     from planners.cone_joints.checkpoint import Checkpoint, design_identity, read_checkpoint
     from planners.cone_joints.designer import design
@@ -130,7 +130,7 @@ def designed(config: Config, contacts: ContactReport, folder: Path, console: Con
     return result
 
 
-def climbed(config: Config, contacts: ContactReport, console: Console) -> LargestTilt:
+def find_largest_tilt(config: Config, contacts: ContactReport, console: Console) -> LargestTilt:
     """Return the design at the largest tilt that is found, and what is known beyond it."""
     from planners.cone_joints.largest_tilt import largest_tilt
 
@@ -216,12 +216,12 @@ def interrupted(result: Designed, files: Mapping[str, Path], folder: Path, conso
     return console.finish(ExitCode.INTERRUPTED, document)
 
 
-def concluded(folder: Path) -> None:
+def forget_progress(folder: Path) -> None:
     """Forget where a design stood: it has been judged, and simulated if it was asked for."""
     (folder / PROGRESS_FILE).unlink(missing_ok=True)
 
 
-def written(
+def write_files(
     result: Designed, config: Config, folder: Path, console: Console
 ) -> tuple[dict[str, Path], list[NegativeVerdict]]:
     """Return the files of a design, and what could not be drawn for cutting."""
@@ -314,7 +314,7 @@ def _judged(design: Design) -> DesignOutcome:
     return DesignOutcome(design=design, before=before, after=after, states=states, findings=tuple(findings))
 
 
-def simulated(
+def simulate_design(
     outcome: DesignOutcome, questions: Questions, folder: Path, console: Console
 ) -> tuple[DesignOutcome, bool]:
     """Return the outcome with physics' verdicts, written to simulation.json, and whether Ctrl-C cut it short.
@@ -341,7 +341,7 @@ def simulated(
     return replace(outcome, findings=findings), found.interrupted
 
 
-def reported(
+def write_pages(
     outcome: DesignOutcome, config: Config, folder: Path, console: Console, friction: float = 0.0
 ) -> DesignOutcome:
     """Return the outcome with its report written."""

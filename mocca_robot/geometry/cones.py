@@ -94,10 +94,6 @@ class MotionCone:
         """Return whether `motion` (d,) does not penetrate."""
         return bool((self.normals @ motion).min(initial=np.inf) >= -tolerance * np.linalg.norm(motion))
 
-    def intersect(self, other: MotionCone) -> MotionCone:
-        """Return the motions that both cones allow (Eq. 11)."""
-        return MotionCone(read_only(np.concatenate([self.normals, other.normals])))
-
     def translational(self) -> MotionCone:
         """Return the cone of pure translations, T(V) in Eq. 11."""
         d = 2 if self.normals.shape[1] <= 3 else 3

@@ -5,8 +5,7 @@ others zero. The height is h·f(x)·f(y) with f the C¹ piecewise cubic through 
 with zero slope at each knot, so that the patch joins the flat rim smoothly and never overshoots h. The z-type
 changes f(x) for one that rises to 1 at x = 1/4 and falls to −1 at 3/4: one half rises, the other sinks.
 
-`bumps.bump_rays` evaluates the tessellated patches of all joints of an assembly at once, with the derivative of
-anything with respect to every parameter (`Bumps.pullback`).
+`bumps.bump_rays` evaluates the tessellated patches of all joints of an assembly at once.
 """
 
 from __future__ import annotations

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
-import scipy.sparse as sp
 
 from mocca_robot.arrays import Array, IntArray, read_only
 from mocca_robot.joints.rectangle import Rectangle
@@ -53,7 +52,7 @@ class Rectangles:
 
 @dataclass(frozen=True, eq=False)
 class BumpParameters:
-    """The parameters Φ of E bumps; also the shape of a gradient with respect to them.
+    """The parameters Φ of E bumps.
 
     Attributes:
         height: (E,) h along u, metres; positive into P_j.
@@ -70,18 +69,6 @@ class BumpParameters:
     def flat(cls, count: int) -> BumpParameters:
         """Return upright bumps of no height over their whole rectangles."""
         return cls(np.zeros(count), np.zeros((count, 2)), np.zeros((count, 2)), np.ones((count, 2)))
-
-    @property
-    def vector(self) -> Array:
-        """Return (7·E,) all numbers: heights, leans, low and high corners."""
-        return np.concatenate([self.height, self.lean.ravel(), self.low.ravel(), self.high.ravel()])
-
-    @classmethod
-    def from_vector(cls, vector: Array) -> BumpParameters:
-        """Return the parameters whose `vector` this is."""
-        e = len(vector) // 7
-        lean, low, high = vector[e:].reshape(3, e, 2)
-        return cls(vector[:e], lean, low, high)
 
     def directions(self, rectangles: Rectangles) -> Array:
         """Return u (E, 3): unit, world."""
@@ -105,14 +92,6 @@ class BumpPattern:
     share: Array
     triangles: IntArray
     rim: IntArray
-
-    @cached_property
-    def incidence(self) -> sp.csr_array:
-        """Return (K, 3·T): which triangle corners each vertex is."""
-        corners = self.triangles.size
-        return sp.csr_array(
-            (np.ones(corners), (self.triangles.ravel(), np.arange(corners))), shape=(len(self.xy), corners)
-        )
 
 
 @cache
@@ -163,7 +142,6 @@ class Bumps:
     pattern: BumpPattern
     vertices: Array
     facet_normals: Array
-    _double_areas: Array
 
     @property
     def points(self) -> Array:
@@ -176,54 +154,11 @@ class Bumps:
         """Return (E, R, 3): the triangle's normal at each of `points`."""
         return np.repeat(self.facet_normals, 3, axis=1)
 
-    def pullback(self, d_points: Array, d_normals: Array) -> BumpParameters:
-        """Return the gradient with respect to the parameters of a number with the given gradients (E, R, 3).
-
-        For E (Eq. 8) the envelope theorem gives them: dE/dG = r fᵀ, r the residual and f the contact forces.
-        """
-        e, t = len(self.vertices), len(self.pattern.triangles)
-        corners = self.vertices[:, self.pattern.triangles]
-        n = self.facet_normals
-        d_n = d_normals.reshape(e, t, 3, 3).sum(axis=2)
-        d_cross = (d_n - (d_n * n).sum(axis=2, keepdims=True) * n) / self._double_areas[..., None]
-        ab, ac = corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0]
-        d_corners = d_points.reshape(e, t, 3, 3).copy()
-        d_b, d_c = np.cross(ac, d_cross), np.cross(d_cross, ab)
-        d_corners[:, :, 1] += d_b
-        d_corners[:, :, 2] += d_c
-        d_corners[:, :, 0] -= d_b + d_c
-        d_columns = d_corners.reshape(e, -1, 3).transpose(1, 0, 2).reshape(3 * t, -1)
-        d_vertices = (self.pattern.incidence @ d_columns).reshape(-1, e, 3).transpose(1, 0, 2)
-        return self._pullback_vertices(d_vertices)
-
-    def transferred(self) -> tuple[Array, Array]:
-        """Return the volume (E,), m³, and first moment (E, 3), m⁴, that each bump moves from P_j to P_i."""
-        origin = self.rectangles.origin
-        a, b, c = (self.vertices[:, self.pattern.triangles[:, k]] - origin[:, None] for k in range(3))
-        six_v = np.einsum("etd,etd->et", a, np.cross(b, c))
-        first = np.einsum("et,etd->ed", six_v, a + b + c) / 24.0
-        volume = six_v.sum(axis=1) / 6.0
-        return volume, first + volume[:, None] * origin
-
-    def _pullback_vertices(self, d_vertices: Array) -> BumpParameters:
-        p, r, pattern = self.parameters, self.rectangles, self.pattern
-        u = p.directions(r)
-        along = np.einsum("ekd,k->ed", d_vertices, pattern.share)
-        d_height = (along * u).sum(axis=1)
-        d_u = p.height[:, None] * along
-        norm = np.sqrt(1.0 + (p.lean**2).sum(axis=1))[:, None]
-        tangential = d_u - (d_u * u).sum(axis=1)[:, None] * u
-        d_lean = np.einsum("ed,ekd->ek", tangential, r.axes[:, :2]) / norm
-        edges = np.stack([r.edge_x, r.edge_y], axis=1)  # (E, 2, 3)
-        d_position = np.einsum("ekd,end->ekn", d_vertices, edges)
-        d_high = (d_position * pattern.xy).sum(axis=1)
-        return BumpParameters(d_height, d_lean, d_position.sum(axis=1) - d_high, d_high)
-
 
 def bump_rays(
     rectangles: Rectangles, parameters: BumpParameters, flank_segments: int = FLANK_SEGMENTS, kind: str = "n"
 ) -> Bumps:
-    """Return the tessellated patches of E joints at once: their `points`, `normals` and derivative.
+    """Return the tessellated patches of E joints at once: their `points` and `normals`.
 
     The flat rest of each contact is not among them: add `contact_rays` of the contacts.
     """
@@ -238,15 +173,13 @@ def bump_rays(
     )
     a, b, c = (vertices[:, pattern.triangles[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
-    double_areas = np.linalg.norm(normals, axis=2)
-    normals /= double_areas[..., None]
+    normals /= np.linalg.norm(normals, axis=2)[..., None]
     return Bumps(
         rectangles=rectangles,
         parameters=parameters,
         pattern=pattern,
         vertices=vertices,
         facet_normals=normals,
-        _double_areas=double_areas,
     )
 
 

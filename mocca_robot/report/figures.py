@@ -15,7 +15,7 @@ from mocca_robot.report.markup import asset, esc, px
 from mocca_robot.report.palette import part_colours
 from mocca_robot.report.pictures import HATCH, Picture
 from mocca_robot.report.summary import asked_tilt
-from mocca_robot.report.tilt_plots import TiltSeries, convergence_plot, tilt_plot
+from mocca_robot.report.tilt_plots import TiltSeries, tilt_plot
 
 
 def design_figure(data: ReportData) -> str:
@@ -81,11 +81,6 @@ def tilt_figure(data: ReportData) -> str | None:
     if not series:
         return None
     return stand_alone(tilt_plot(series, data.design.assembly.dimension, asked_tilt(data)))
-
-
-def convergence_figure(values: Sequence[float], label: str = "infeasibility E") -> str:
-    """Return `values` over iterations on a logarithmic scale as SVG."""
-    return stand_alone(convergence_plot(values, label))
 
 
 def write_figures(folder: Path, data: ReportData) -> tuple[Path, ...]:

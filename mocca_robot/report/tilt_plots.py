@@ -134,29 +134,6 @@ def _legend(series: Sequence[TiltSeries], width: float, height: float, asked_rad
     return "".join(drawn)
 
 
-def convergence_plot(values: Sequence[float], label: str = "infeasibility E") -> str:
-    """Return a curve of positive `values` over iterations, logarithmic, as SVG; zeros are drawn on the floor."""
-    width, height = 440.0, 220.0
-    y = np.asarray(values, dtype=np.float64)
-    floor = float(np.log10(max(float(y[y > 0].min(initial=1.0)), 1e-16))) - 0.5
-    logs = np.where(y > 0, np.log10(np.maximum(y, 1e-300)), floor)
-    top = float(np.ceil(logs.max(initial=floor + 1.0)))
-    floor = min(float(np.floor(floor)), top - 1.0)
-    x = 52 + (width - 70) * (np.arange(len(y)) / max(len(y) - 1, 1))
-    rise = height - 34 - (height - 52) * (logs - floor) / (top - floor)
-    body = []
-    for power in range(int(floor), int(top) + 1, max(1, int((top - floor) // 6))):
-        at = height - 34 - (height - 52) * (power - floor) / (top - floor)
-        body.append(f'<line class="grid" x1="52" x2="{px(width - 18)}" y1="{px(at)}" y2="{px(at)}"/>')
-        raised = f'<tspan dy="-4" font-size="8">{power}</tspan>'
-        body.append(f'<text class="tick" text-anchor="end" x="46" y="{px(at + 3)}">10{raised}</text>')
-    body.append(f'<polyline class="curve" points="{point_list(np.stack([x, rise], axis=1))}"/>')
-    body.extend(f'<circle class="dot statics" cx="{px(a)}" cy="{px(b)}" r="2.6"/>' for a, b in zip(x, rise))
-    place = f'text-anchor="middle" x="{px(width / 2)}" y="{px(height - 8)}"'
-    legend = f'<text class="tick" {place}>iteration · {esc(label)}</text>'
-    return _svg(width, height, body, legend, f"{label} over iterations")
-
-
 def _svg(width: float, height: float, body: Sequence[str], legend: str, label: str) -> str:
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="plot" role="img" aria-label="{esc(label)}" '

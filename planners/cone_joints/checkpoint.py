@@ -88,10 +88,6 @@ class Checkpoint:
         }
         return write_json(self.path, data)
 
-    def forget(self) -> None:
-        """Remove the file: the design is finished and judged."""
-        self.path.unlink(missing_ok=True)
-
 
 def _data(state: SearchState) -> dict[str, Any]:
     return {

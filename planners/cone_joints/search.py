@@ -22,11 +22,24 @@ MANY_JOINTS = 60
 neighbours a choice of few joints made beforehand ends in a local rest."""
 FEW_CASES = 5
 """Load cases up to which making joints planar afterwards takes seconds."""
-FIRST_ATTEMPTS = ("similar joints", "few joints", "selected joints")
-"""Starting points after which another one is tried when the tilt margin is missed."""
-
 Progress = Callable[[str, float], None]
 """Called with what is being done and the largest E/|w|² that is left."""
+
+
+class Attempt(StrEnum):
+    """Where an attempt starts from, as it is told."""
+
+    SIMILAR = "similar joints"
+    FEW = "few joints"
+    SELECTED = "selected joints"
+    UNIFORM_N = "uniform n"
+    UNIFORM_Z = "uniform z"
+    ALL = "all joints"
+
+    @property
+    def early(self) -> bool:
+        """Return whether another attempt follows when only the tilt margin is missed."""
+        return self in (Attempt.SIMILAR, Attempt.FEW, Attempt.SELECTED)
 
 
 class Stage(StrEnum):
@@ -148,9 +161,7 @@ def _polished(
         if state.best is None or rank < _rank(problem, state.best):
             state = replace(state, best_attempt=number, best=polished)
         # The tilt margin is a wish: it is worth a second attempt, not all of them.
-        enough = rank[0] <= 1.0 and (
-            rank[1] <= 1e-9 or label not in ("similar joints", "few joints", "selected joints")
-        )
+        enough = rank[0] <= 1.0 and (rank[1] <= 1e-9 or not label.early)
         stage = Stage.THINNING if enough else Stage.POLISHING
         trail.reach(replace(state, stage=stage, attempt=number + 1, polishing=None))
         if enough:
@@ -183,7 +194,7 @@ def _rank(problem: JointProblem, polished: Polished) -> tuple[float, float]:
 
 def _attempts(
     problem: JointProblem, start: JointParameters, near: FoundJoints | None
-) -> Iterator[tuple[str, Shapes, JointParameters]]:
+) -> Iterator[tuple[Attempt, Shapes, JointParameters]]:
     """Yield starting points from the most promising to the most stubborn.
 
     First the joints that kinematic design asks for; then shapes chosen for all joints together; then uniform bumps
@@ -194,14 +205,14 @@ def _attempts(
     every = shapes.can_curve
     uniform = [
         (
-            f"uniform {kind}",
+            Attempt(f"uniform {kind}"),
             shapes.with_kinds([kind] * len(every)),
             JointParameters(bump, start.lean, start.axis, every),
         )
         for kind, bump in shapes.uniform_bumps()
     ]
     if near is not None:
-        yield "similar joints", near.shapes, near.polished.parameters
+        yield Attempt.SIMILAR, near.shapes, near.polished.parameters
     if len(shapes.contacts) > MANY_JOINTS:
         if near is None:
             yield from uniform
@@ -215,12 +226,12 @@ def _attempts(
     price = np.where(allowed, prices, 0.0)
     required = required_wrenches(shapes.contacts, points, normals, price, allowed, loads, _telling_cases(problem))
     fitted, first = fit(problem, required, start)
-    yield "few joints", fitted, first
+    yield Attempt.FEW, fitted, first
     hardest = np.sort(np.argsort(-evaluate(problem, start).infeasibility)[:8])
-    yield "selected joints", *select(problem, start, hardest)
+    yield Attempt.SELECTED, *select(problem, start, hardest)
     yield from uniform
     resting = np.where(first.curved[:, None], first.shape, shapes.rest)
-    yield "all joints", fitted, JointParameters(resting, first.lean, first.axis, every)
+    yield Attempt.ALL, fitted, JointParameters(resting, first.lean, first.axis, every)
 
 
 def _telling_cases(problem: JointProblem) -> list[int]:

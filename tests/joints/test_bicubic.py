@@ -137,31 +137,6 @@ def test_a_rectangle_on_the_boundary_and_a_direction_along_the_contact_are_refus
         lean_of(Rectangles.of([rectangle]), np.array([[1.0, 0.0, 0.1]]))
 
 
-@pytest.mark.parametrize("kind", ["n", "z"])
-def test_derivative_of_all_bumps_matches_finite_differences(kind):
-    rng = np.random.default_rng(0)
-    count = 5
-    x, z = rng.normal(size=(2, count, 3))
-    rectangles = Rectangles(rng.normal(size=(count, 3)), x, np.cross(z, x))
-    parameters = BumpParameters(
-        rng.normal(size=count) * 0.2,
-        rng.normal(size=(count, 2)) * 0.3,
-        rng.uniform(0.0, 0.2, (count, 2)),
-        rng.uniform(0.7, 1.0, (count, 2)),
-    )
-    bumps = bump_rays(rectangles, parameters, 2, kind)
-    to_points, to_normals = rng.normal(size=(2, *bumps.points.shape))
-
-    def value(vector):
-        found = bump_rays(rectangles, BumpParameters.from_vector(vector), 2, kind)
-        return (found.points * to_points).sum() + (found.normals * to_normals).sum()
-
-    vector, gradient = parameters.vector, bumps.pullback(to_points, to_normals).vector
-    step = 1e-6
-    central = [(value(vector + step * e) - value(vector - step * e)) / (2 * step) for e in np.eye(len(vector))]
-    assert gradient == pytest.approx(np.array(central), rel=1e-5, abs=1e-5)
-
-
 def test_bumps_of_many_joints_equal_the_joints_one_by_one():
     assembly = wall()
     contacts = find_contacts(assembly).contacts
@@ -175,20 +150,6 @@ def test_bumps_of_many_joints_equal_the_joints_one_by_one():
     for e in (0, len(contacts) - 1):
         alone = bicubic_joint(contacts[e], single[e], 0.02, u[e]).facet_normals
         assert alone[-together.facet_normals.shape[1] :] == pytest.approx(together.facet_normals[e])
-
-
-def test_volume_that_a_bump_transfers_is_what_the_built_part_gains():
-    assembly = wall(1, 1)
-    contact = find_contacts(assembly).contacts[0]
-    rectangle = largest_rectangle(contact, 0.01)
-    u = np.array([0.2, 0.1, 1.0])
-    stacked, flat = Rectangles.of([rectangle]), BumpParameters.flat(1)
-    parameters = BumpParameters(np.array([0.03]), lean_of(stacked, u[None]), flat.low, flat.high)
-    volume, first = bump_rays(stacked, parameters).transferred()
-    built = build_parts_3d(assembly, [bicubic_joint(contact, rectangle, 0.03, u)])
-    slab, grown = assembly.parts[0].shape, built.parts[0].shape
-    assert grown.volume - slab.volume == pytest.approx(volume[0], rel=1e-9)
-    assert grown.volume * grown.centroid - slab.volume * slab.centroid == pytest.approx(first[0], abs=1e-9)
 
 
 @pytest.mark.parametrize("assembly", [wall(), dome()], ids=["wall", "dome"])

@@ -420,7 +420,6 @@ def test_figures_stand_alone(kind: str, request: pytest.FixtureRequest, tmp_path
         text = path.read_text(encoding="utf-8")
         assert ET.fromstring(text).tag == "{http://www.w3.org/2000/svg}svg"
         assert "var(" not in text and "<style>" in text
-    ET.fromstring(figures.convergence_figure([1.0, 1e-3, 0.0], "<E>"))
 
 
 def test_comparison_names_every_variant_and_its_verdicts(flat: ReportData) -> None:
