@@ -1,4 +1,7 @@
-"""Every tolerance of the project, each with its reason. All are relative: none depends on the model's scale."""
+"""What geometry and verdicts are judged by, each with its reason; none depends on the model's scale.
+
+Thresholds at which a solver stops stand beside it, those of physics in `sim.settings`.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +33,23 @@ class Tolerances:
     kkt: float = 1e-7
     """Relative KKT residual above which a solution is 'inaccurate' and gives no verdict."""
 
-    part_overlap: float = 1e-9
-    """Largest overlap of two built 2D parts, as a share of the smaller part's area."""
-
-    mesh_overlap: float = 1e-6
-    """Largest overlap of two built 3D parts, as a share of the smaller part's volume."""
-
 
 TOLERANCES = Tolerances()
+
+PART_OVERLAP = {2: 1e-9, 3: 1e-6}
+"""By dimension: largest overlap of two built parts, as a share of the smaller one: rounding, not penetration."""
+
+NEARLY_PARALLEL_RAD = 0.05
+"""Faces that differ by less and nearly touch were probably meant to: nobody draws a gap of 3° on purpose."""
+
+ANGLE_ROUNDING_RAD = 1e-9
+"""How much an angle may fall short of what is asked by rounding alone."""
+
+CASE_HELD = 1e-12
+"""E/|w|² of a required case that holds: the square of `equilibrium_residual`."""
+CASE_SOLVED = 1e-13
+"""E/|w|² at which a search for joints may stop: |s|/|w| below half of the verdict's tolerance."""
+MARGIN_SOLVED = 1e-9
+"""E/|w|² of a margin case that counts as zero: a margin is a wish, and costs steps."""
+VIOLATED = 1e-6
+"""Hinge of a constraint on joints, dimensionless, that counts as none."""

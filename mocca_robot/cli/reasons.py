@@ -13,14 +13,12 @@ from mocca_robot.errors import quoted
 from mocca_robot.motion.insertion import InsertionVerdict
 from mocca_robot.report.summary import case_words
 from mocca_robot.statics.cases import CaseVerdict, moving_parts
+from mocca_robot.tolerances import PART_OVERLAP
 from mocca_robot.verdicts.agreement import Remark
 from mocca_robot.verdicts.verification import Verification
 
 if TYPE_CHECKING:
     from planners.cone_joints.designer import Designed
-
-OVERLAP = {2: 1e-9, 3: 1e-6}
-"""Largest overlap of two parts as a share of the smaller one: rounding, not penetration."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,7 @@ def statics_findings(assembly: Assembly, verification: Verification, remedy: str
 
 def overlap_findings(assembly: Assembly, verification: Verification) -> list[NegativeVerdict]:
     """Return that built parts penetrate each other. Input may do so within the tolerance of contacts."""
-    limit = OVERLAP[assembly.dimension]
+    limit = PART_OVERLAP[assembly.dimension]
     if verification.part_overlap <= limit:
         return []
     share = verification.part_overlap

@@ -11,7 +11,7 @@ from mocca_robot.arrays import Array, read_only
 from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.contacts.contact import Contact, ContactReport, NearMiss, Overlap
 from mocca_robot.geometry.polygons import to_shapely
-from mocca_robot.tolerances import TOLERANCES, Tolerances
+from mocca_robot.tolerances import NEARLY_PARALLEL_RAD, TOLERANCES, Tolerances
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ def find_contacts_2d(assembly: Assembly, tolerances: Tolerances = TOLERANCES) ->
     for e in np.flatnonzero(long_enough & ~touching & (widest <= near)):
         pair = (int(edges.part[a[e]]), int(edges.part[b[e]]))
         names = (assembly.parts[pair[0]].name, assembly.parts[pair[1]].name)
-        nearly_parallel = abs(gap1[e] - gap0[e]) <= 0.05 * (s1[e] - s0[e])
+        nearly_parallel = abs(gap1[e] - gap0[e]) <= NEARLY_PARALLEL_RAD * (s1[e] - s0[e])
         if pair in pairs_in_contact or names in overlapping or not nearly_parallel:
             continue
         if names not in misses or widest[e] < misses[names].gap_m:

@@ -18,10 +18,7 @@ from mocca_robot.contacts.contact import Contact, ContactReport, NearMiss
 from mocca_robot.contacts.penetration import penetrations
 from mocca_robot.geometry.facets import FacetSet, facets
 from mocca_robot.geometry.frames import tangents
-from mocca_robot.tolerances import TOLERANCES, Tolerances
-
-NEARLY_PARALLEL_RAD = 0.05
-"""Faces that differ by less and nearly touch were probably meant to; the same limit as in 2D."""
+from mocca_robot.tolerances import NEARLY_PARALLEL_RAD, TOLERANCES, Tolerances
 
 Found = tuple[int, int, int, int, Array, tuple[Array, ...], Array]
 """Parts i and j, the facets of i and of j, outer loop, holes, normal."""

@@ -14,6 +14,7 @@ from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.motion.parts_graph import PartMotion, part_motions
 from mocca_robot.motion.sweep2d import free_half_angle_2d
 from mocca_robot.motion.ways_out import first_free, insertion_rim, spread_directions, sweep_blockers
+from mocca_robot.tolerances import ANGLE_ROUNDING_RAD
 
 DENSE, OTHER_WAYS = 20_000, 24
 """Directions among which other ways are looked for where the middle of a part's cone is barred; how many are tried."""
@@ -43,7 +44,7 @@ class InsertionVerdict:
     @property
     def assemblable(self) -> bool:
         """Return whether the part can be inserted as asked."""
-        wide_enough = self.alpha_rad >= (self.required_rad or 0.0) - 1e-9
+        wide_enough = self.alpha_rad >= (self.required_rad or 0.0) - ANGLE_ROUNDING_RAD
         return wide_enough and not self.collides
 
 
@@ -60,7 +61,11 @@ def insertion_verdicts(
         if name in directions and len(motion.normals):
             axis = -directions[name]
             alpha = _half_angle(motion, axis)
-        hit = sweep_blockers(assembly, part, insertion_rim(axis, assembly.alpha_rad or 0.0)) if alpha > -1e-9 else ()
+        hit = (
+            sweep_blockers(assembly, part, insertion_rim(axis, assembly.alpha_rad or 0.0))
+            if alpha > -ANGLE_ROUNDING_RAD
+            else ()
+        )
         if hit and name not in directions:
             # Others than those it touches bar the middle of its cone: another way may be free and wide enough.
             other = first_free(assembly, part, _other_ways(motion, assembly.alpha_rad or 0.0))
@@ -68,7 +73,7 @@ def insertion_verdicts(
                 axis, alpha, hit = other, _half_angle(motion, other), ()
         if assembly.dimension == 2 and alpha > 0.0 and not hit:
             alpha = min(alpha, free_half_angle_2d(assembly, part, axis))
-        narrow = alpha < (assembly.alpha_rad or 0.0) - 1e-9
+        narrow = alpha < (assembly.alpha_rad or 0.0) - ANGLE_ROUNDING_RAD
         blockers = {assembly.parts[b].name for b in motion.blockers} if narrow else set()
         blockers |= {assembly.parts[b].name for b in hit}
         ordered = tuple(n for n in assembly.sequence if n in blockers)
@@ -84,7 +89,7 @@ def _half_angle(motion: PartMotion, way_out: Array) -> float:
 def _other_ways(motion: PartMotion, least_rad: float) -> Iterator[Array]:
     """Yield unit ways out that its own contacts leave free by `least_rad`, each as far as can be from those before."""
     ways = spread_directions(len(motion.axis), DENSE)
-    ways = ways[(ways @ motion.normals.T).min(axis=1, initial=1.0) >= np.sin(least_rad) - 1e-9]
+    ways = ways[(ways @ motion.normals.T).min(axis=1, initial=1.0) >= np.sin(least_rad) - ANGLE_ROUNDING_RAD]
     apart = np.linalg.norm(ways - motion.axis, axis=1)
     for _ in range(min(OTHER_WAYS, len(ways))):
         way = ways[apart.argmax()]

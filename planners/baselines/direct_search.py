@@ -22,9 +22,9 @@ from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import part_motions
 from mocca_robot.motion.ways_out import ways_out
 from mocca_robot.statics.loads import load_cases
+from mocca_robot.tolerances import CASE_SOLVED
 from planners.cone_joints.descent import PENALTY_WEIGHT, evaluate, hinge_values, surface_of, violation_of
 from planners.cone_joints.energy import EnergyResult, Loads, joint_wrenches
-from planners.cone_joints.realization import SOLVED
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.shapes2d import Shapes2D
 from planners.cone_joints.shapes3d import Shapes3D
@@ -56,7 +56,7 @@ class DirectResult:
     @property
     def achieved(self) -> bool:
         """Return whether every load case holds within all constraints."""
-        return bool(self.infeasibility.max(initial=0.0) <= SOLVED and self.violation <= SOLVED_PENALTY)
+        return bool(self.infeasibility.max(initial=0.0) <= CASE_SOLVED and self.violation <= SOLVED_PENALTY)
 
 
 def direct_search(
@@ -77,7 +77,7 @@ def direct_search(
 
     problem, start = planar_problem(assembly, options or JointOptions(), contacts)
     first = evaluate(problem, start)
-    if first.infeasibility.max(initial=0.0) <= SOLVED:
+    if first.infeasibility.max(initial=0.0) <= CASE_SOLVED:
         return searched(problem, start, 1)
     layout = UnknownsLayout.of(problem, start)
     unit = 1.0 / max(first.total, 1e-300)
@@ -99,7 +99,7 @@ def direct_search(
         if count >= evaluations:
             raise StopIteration
         total, parameters, result, hinges = value(step)
-        if result.infeasibility.max() <= SOLVED and hinges.max(initial=0.0) <= 0.0:
+        if result.infeasibility.max() <= CASE_SOLVED and hinges.max(initial=0.0) <= 0.0:
             raise StopIteration
         if gradient == "envelope":
             return total, _envelope(problem, layout, parameters, result, hinges, unit)

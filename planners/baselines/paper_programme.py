@@ -16,11 +16,11 @@ from mocca_robot.contacts.contact import ContactReport
 from mocca_robot.errors import InputError
 from mocca_robot.joints.joint import Joint
 from mocca_robot.joints.options import JointOptions
+from mocca_robot.tolerances import CASE_SOLVED, VIOLATED
 from planners.baselines.direct_search import planar_problem, searched
 from planners.baselines.paper_kinematics import RequiredCones, kinematic_design
 from planners.baselines.paper_realization import REACHED, reached, realize
 from planners.cone_joints.descent import moved_wrenches, surface_of
-from planners.cone_joints.realization import SOLVED
 from planners.cone_joints.shapes2d import Shapes2D
 
 STEEPEST = float(np.tan(np.deg2rad(45.0)))
@@ -57,7 +57,7 @@ class PaperDesign:
     @property
     def achieved(self) -> bool:
         """Return whether every load case holds on the true geometry, within all constraints."""
-        return bool(self.infeasibility.max(initial=0.0) <= SOLVED and self.violation <= 1e-6)
+        return bool(self.infeasibility.max(initial=0.0) <= CASE_SOLVED and self.violation <= VIOLATED)
 
 
 def paper_design(
@@ -89,7 +89,7 @@ def paper_design(
         shapes, parameters, missed = realize(problem, cones)
         problem = replace(problem, shapes=shapes)
         result = searched(problem, parameters, evaluations)
-        if result.infeasibility.max(initial=0.0) <= SOLVED or turn == rounds:
+        if result.infeasibility.max(initial=0.0) <= CASE_SOLVED or turn == rounds:
             break
         cones = replace(cones, slopes=np.maximum(cones.slopes, INSIDE))
         bounds = np.where((missed > REACHED)[:, None], reached(problem, parameters, cones), bounds)

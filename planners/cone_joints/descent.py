@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.tolerances import MARGIN_SOLVED, VIOLATED
 from planners.cone_joints.curvature import LARGE, Answer, Curvature, Products, Written, answered, unanswered
 from planners.cone_joints.energy import EnergyResult, energy, joint_wrenches
 from planners.cone_joints.shapes import Shapes
@@ -23,10 +24,6 @@ from planners.cone_joints.unknowns import JointParameters, JointProblem, Unknown
 ENERGY_WEIGHT = 10.0
 PENALTY_WEIGHT = 30.0
 SHALLOW_WEIGHT = 1e-6
-MARGIN_SOLVED = 1e-9
-"""E/|w|² of a margin case that counts as zero."""
-VIOLATED = 1e-6
-"""Hinge of a constraint, dimensionless, that counts as none."""
 ROOM_RESERVE = 1e-3
 """Distance, in contact sizes, that descent keeps from the limits of a joint's room."""
 PATIENCE = 6

@@ -21,6 +21,7 @@ from mocca_robot.motion.parts_graph import PartMotion, part_motions
 from mocca_robot.motion.ways_out import first_free, free_half_angle, roomiest, spread_directions, ways_out
 from mocca_robot.runtime.threads import with_one_blas_thread
 from mocca_robot.statics.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
+from mocca_robot.tolerances import ANGLE_ROUNDING_RAD, CASE_HELD, CASE_SOLVED, MARGIN_SOLVED, VIOLATED
 from planners.cone_joints.descent import evaluate
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.kinematic import Impossible, bound
@@ -125,7 +126,7 @@ def design(
     polished = Polished(start, before.infeasibility, 0.0, 0)
     searched: FoundJoints | None = None
     kinematic = realization = 0.0
-    if before.infeasibility.max(initial=0.0) > 1e-13 and not narrow:
+    if before.infeasibility.max(initial=0.0) > CASE_SOLVED and not narrow:
         # A state to go on from exists only where the bound proved nothing.
         proof = None
         if resume is None:
@@ -138,7 +139,7 @@ def design(
             problem = replace(problem, shapes=shapes)
         realization = time.perf_counter() - started - kinematic
     result = _built(assembly, problem, given, required, before.infeasibility, polished)
-    held = bool(polished.infeasibility[: len(required)].max(initial=0.0) <= 1e-12)
+    held = bool(polished.infeasibility[: len(required)].max(initial=0.0) <= CASE_HELD)
     seconds = {"kinematic": kinematic, "realization": realization, "total": time.perf_counter() - started}
     notes = _notes(assembly, shapes, report)
     finished = Design(
@@ -152,10 +153,10 @@ def design(
     )
     return Designed(
         design=finished,
-        achieved=held and not narrow and polished.violation <= 1e-6,
+        achieved=held and not narrow and polished.violation <= VIOLATED,
         impossible=impossible,
         narrow=narrow,
-        margin_rad=options.tilt_margin_rad if polished.infeasibility.max(initial=0.0) <= 1e-9 else 0.0,
+        margin_rad=options.tilt_margin_rad if polished.infeasibility.max(initial=0.0) <= MARGIN_SOLVED else 0.0,
         evaluations=polished.evaluations,
         interrupted=None if searched is None else searched.interrupted,
         searched=searched,
@@ -273,7 +274,7 @@ def _confirmed_way(built: Assembly, part: int, motion: PartMotion, designed: Arr
     alpha = built.alpha_rad or 0.0
     if not len(motion.normals) or motion.alpha_rad < alpha:
         return designed
-    usable = [motion.axis] if _room(motion, designed) < alpha - 1e-9 else [motion.axis, designed]
+    usable = [motion.axis] if _room(motion, designed) < alpha - ANGLE_ROUNDING_RAD else [motion.axis, designed]
     way = first_free(built, part, usable)
     if way is None:
         way = first_free(built, part, roomiest(spread_directions(2, 360), motion, alpha))
@@ -289,7 +290,7 @@ def _narrow_parts(
     narrow = []
     for p, motion in motions.items():
         room = _room(motion, axis[p]) if given[p] else motion.alpha_rad
-        if room < assembly.alpha_rad - 1e-9:
+        if room < assembly.alpha_rad - ANGLE_ROUNDING_RAD:
             blockers = tuple(assembly.parts[b].name for b in motion.blockers)
             narrow.append(NarrowPart(assembly.parts[p].name, room, assembly.alpha_rad, blockers))
     return tuple(narrow)

@@ -1,4 +1,4 @@
-"""Geometric realization of all joints together, from a start that `planners.cone_joints.catalogue` chose (Eq. 15, 18).
+"""Geometric realization of all joints together, from a start that `planners.cone_joints.catalogue` chose (Eq. 15).
 
 `polish` improves the true geometry, with moving centroids, until every case holds, while the assemblability cone,
 slopes and clearances are kept as constraints; `planners.cone_joints.descent` has the steps.
@@ -12,15 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
-from planners.cone_joints.descent import (
-    MARGIN_SOLVED,
-    VIOLATED,
-    Descent,
-    descend,
-    evaluate,
-    evaluate_built,
-    violation_of,
-)
+from mocca_robot.tolerances import CASE_SOLVED, MARGIN_SOLVED, VIOLATED
+from planners.cone_joints.descent import Descent, descend, evaluate, evaluate_built, violation_of
 from planners.cone_joints.energy import EnergyResult
 from planners.cone_joints.unknowns import JointParameters, JointProblem
 
@@ -33,10 +26,6 @@ class Polished:
     infeasibility: Array
     violation: float
     evaluations: int
-
-
-SOLVED = 1e-13
-"""E/|w|² of a required case that counts as zero: |s|/|w| below half of the verdict's tolerance."""
 
 
 NEARLY_SOLVED = 1e-5
@@ -96,7 +85,7 @@ def polish(
             failing = with_reserve.infeasibility > MARGIN_SOLVED
             violation = violation_of(problem, parameters)
             true = evaluate(problem, parameters)
-            solved = not failing.any() and true.infeasibility[: problem.required].max(initial=0.0) <= SOLVED
+            solved = not failing.any() and true.infeasibility[: problem.required].max(initial=0.0) <= CASE_SOLVED
             if (solved and violation <= VIOLATED) or count >= evaluations or (count and not (failing & ~working).any()):
                 return _judged(problem, parameters, true, violation, count)
             # A few of the worst newcomers at a time: neighbouring states fail for the same reason.
@@ -121,7 +110,7 @@ def _judged(
 ) -> Polished:
     """Return the result of polishing; required cases that nearly hold are judged by every facet."""
     left = true.infeasibility[: problem.required].max(initial=0.0)
-    if SOLVED < left < NEARLY_SOLVED:
+    if CASE_SOLVED < left < NEARLY_SOLVED:
         true = evaluate_built(problem, parameters)
     return Polished(parameters, true.infeasibility, violation, count)
 

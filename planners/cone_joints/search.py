@@ -9,10 +9,11 @@ from functools import partial
 
 import numpy as np
 
+from mocca_robot.tolerances import ANGLE_ROUNDING_RAD, CASE_SOLVED, MARGIN_SOLVED, VIOLATED
 from planners.cone_joints.catalogue import fit, select
-from planners.cone_joints.descent import VIOLATED, evaluate
+from planners.cone_joints.descent import evaluate
 from planners.cone_joints.kinematic import required_wrenches
-from planners.cone_joints.realization import SOLVED, Polished, Polishing, polish
+from planners.cone_joints.realization import Polished, Polishing, polish
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.thinning import thin
 from planners.cone_joints.unknowns import JointParameters, JointProblem
@@ -161,7 +162,7 @@ def _polished(
         if state.best is None or rank < _rank(problem, state.best):
             state = replace(state, best_attempt=number, best=polished)
         # The tilt margin is a wish: it is worth a second attempt, not all of them.
-        enough = rank[0] <= 1.0 and (rank[1] <= 1e-9 or not label.early)
+        enough = rank[0] <= 1.0 and (rank[1] <= MARGIN_SOLVED or not label.early)
         stage = Stage.THINNING if enough else Stage.POLISHING
         trail.reach(replace(state, stage=stage, attempt=number + 1, polishing=None))
         if enough:
@@ -188,7 +189,7 @@ def _nearest(problem: JointProblem, start: JointParameters, families: list[Shape
 def _rank(problem: JointProblem, polished: Polished) -> tuple[float, float]:
     """Return how far from solved: required cases and constraints first (1 = solved), then the tilt margins."""
     required = float(polished.infeasibility[: problem.required].max())
-    hard = max(required / SOLVED, polished.violation / VIOLATED, 1.0)
+    hard = max(required / CASE_SOLVED, polished.violation / VIOLATED, 1.0)
     return hard, float(polished.infeasibility.max())
 
 
@@ -221,7 +222,7 @@ def _attempts(
     allowed = np.isfinite(prices)
     if problem.alpha_rad is not None:
         axis = start.axis[problem.pairs[:, 1]]
-        allowed &= np.einsum("erd,ed->er", normals, axis) >= np.sin(problem.alpha_rad) - 1e-9
+        allowed &= np.einsum("erd,ed->er", normals, axis) >= np.sin(problem.alpha_rad) - ANGLE_ROUNDING_RAD
     allowed |= prices == 0.0
     price = np.where(allowed, prices, 0.0)
     required = required_wrenches(shapes.contacts, points, normals, price, allowed, loads, _telling_cases(problem))

@@ -15,9 +15,10 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.statics.solver.system import ContactSystem
-from planners.cone_joints.descent import MARGIN_SOLVED, VIOLATED, evaluate, moved_wrenches, narrowed, surface_of
+from mocca_robot.tolerances import CASE_SOLVED, MARGIN_SOLVED, VIOLATED
+from planners.cone_joints.descent import evaluate, moved_wrenches, narrowed, surface_of
 from planners.cone_joints.energy import each_case
-from planners.cone_joints.realization import SOLVED, Polished, as_it_is, polish
+from planners.cone_joints.realization import Polished, as_it_is, polish
 from planners.cone_joints.unknowns import JointParameters, JointProblem
 
 PASSES = 10
@@ -52,7 +53,7 @@ def thin(problem: JointProblem, found: Polished, watch: Callable[[Polished], Non
         nonlocal best
         best = replace(best, evaluations=best.evaluations + fewer.evaluations)
         required = fewer.infeasibility[: problem.required].max(initial=0.0)
-        if required > SOLVED or fewer.violation > VIOLATED or fewer.infeasibility.max() > limit:
+        if required > CASE_SOLVED or fewer.violation > VIOLATED or fewer.infeasibility.max() > limit:
             return False
         best = replace(fewer, evaluations=best.evaluations)
         if watch is not None:
