@@ -25,6 +25,8 @@ from mocca_robot.runtime.executors import completed, executor
 from mocca_robot.statics.cases import case_at, critical_tilt, solve_case
 from mocca_robot.statics.loads import tilted_gravity
 from mocca_robot.statics.solution import Status
+from mocca_robot.verdicts.agreement import agree
+from mocca_robot.verdicts.physics import Verdict
 from planners.cone_joints.designer import design
 from sim.disagreement import cause
 from sim.scene import with_gravity
@@ -46,14 +48,14 @@ class Probe:
     """Both verdicts at one tilt (radians) towards the case's azimuth; `reason` is MuJoCo's evidence."""
 
     tilt_rad: float
-    statics: str
-    physics: str
+    statics: Status
+    physics: Verdict
     reason: str
 
     @property
     def agrees(self) -> bool:
         """Return whether both decide, and alike."""
-        return (self.statics, self.physics) in (("equilibrium", "stands"), ("not_in_equilibrium", "fell"))
+        return agree(self.physics, self.statics) is True
 
 
 @dataclass(frozen=True)
@@ -198,14 +200,14 @@ def compared(assembly: Assembly, friction: float, azimuth_rad: float) -> Compari
     limit = TILT_AGREEMENT_RAD[assembly.dimension]
     critical = critical_tilt(assembly, report.contacts, azimuth_rad, friction)
 
-    def statics(angle: float, azimuth: float = azimuth_rad) -> str:
-        return str(solve_case(assembly, report.contacts, case_at(assembly, angle, azimuth), friction).result.status)
+    def statics(angle: float, azimuth: float = azimuth_rad) -> Status:
+        return solve_case(assembly, report.contacts, case_at(assembly, angle, azimuth), friction).result.status
 
     if critical > 0.0:
         angles = [a for a in (critical - limit, critical + limit) if 0.0 <= a < np.pi / 2]
     else:
         around = [azimuth_rad + k * np.pi / 4 for k in range(0, 8, 4 if assembly.dimension == 2 else 1)]
-        angles = [] if "equilibrium" in {statics(limit, a) for a in around} else [0.0]
+        angles = [] if Status.EQUILIBRIUM in {statics(limit, a) for a in around} else [0.0]
     rays = telling_rays(assembly, report.contacts, friction)
     if rays is None:
         compiled = tilt_scene(assembly, contact_model(assembly, report.contacts, friction), friction)
@@ -217,7 +219,7 @@ def compared(assembly: Assembly, friction: float, azimuth_rad: float) -> Compari
         tilted = with_gravity(compiled, tilted_gravity(assembly.gravity, angle, azimuth_rad))
         expected = statics(angle)
         run = judged(tilted, doubted=expected == Status.EQUILIBRIUM)
-        probes.append(Probe(angle, expected, str(run.verdict), run.reason))
+        probes.append(Probe(angle, expected, run.verdict, run.reason))
         if not probes[-1].agrees:
             why = cause(assembly, report.contacts, case_at(assembly, angle, azimuth_rad), tilted, run)
     return Comparison(critical, friction, tuple(probes), why)

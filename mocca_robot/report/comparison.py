@@ -17,6 +17,9 @@ from mocca_robot.report.palette import part_colours
 from mocca_robot.report.pictures import Picture
 from mocca_robot.report.sections import APART, case_mark, section
 from mocca_robot.report.summary import case_words
+from mocca_robot.statics.solution import Status
+from mocca_robot.verdicts.agreement import agree
+from mocca_robot.verdicts.physics import Verdict
 from mocca_robot.verdicts.verification import Verification
 
 
@@ -101,10 +104,16 @@ def _stands(variant: Variant) -> str:
     return badge("ok", "stands") if variant.verification.stands else badge("bad", "falls")
 
 
-def _finished_stands(variant: Variant) -> bool:
-    """Return what statics says about the state that physics was shown: finished, under gravity, a key held."""
-    shown = [c for c in variant.verification.cases if c.case.name in ("gravity", "gravity_key_held")]
-    return all(c.result.stands for c in shown or variant.verification.cases)
+def _disagrees(variant: Variant) -> bool:
+    """Return whether physics and statics differ on the finished state, under gravity, a key held."""
+    if variant.physics_stands is None:
+        return False
+    physics = Verdict.STANDS if variant.physics_stands else Verdict.FELL
+    cases = variant.verification.cases
+    shown = [c for c in cases if c.case.name in ("gravity", "gravity_key_held")] or list(cases)
+    fallen = [c.result.status for c in shown if not c.result.stands]
+    decided = [status for status in fallen if status is not Status.INACCURATE]
+    return agree(physics, (decided or fallen or [Status.EQUILIBRIUM])[0]) is False
 
 
 def _flag(value: bool | None, yes: str, no: str, silent: str, good: bool = True) -> str:
@@ -125,7 +134,7 @@ def _verdicts(variants: Sequence[Variant]) -> str:
             cone = f"none (<code>{esc(tightest.part)}</code>)"
         asked = "–" if v.assembly.alpha_rad is None else f"±{degrees(v.assembly.alpha_rad)}"
         physics = _flag(v.physics_stands, "stands", "falls", "not simulated")
-        if v.physics_stands is not None and v.physics_stands != _finished_stands(v):
+        if _disagrees(v):
             physics += " " + badge("bad", "disagrees")
         tilt = (
             "–"

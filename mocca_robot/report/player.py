@@ -54,7 +54,9 @@ def _statics(state: State) -> str:
 def _physics(state: State) -> str:
     if state.physics is None:
         return badge("none", "not simulated")
-    return badge("ok", "stands") if state.physics else badge("bad", "falls")
+    mark = badge("ok", "stands") if state.physics else badge("bad", "falls")
+    rubs = state.seen.friction if state.seen else None
+    return f"{mark} with friction {rubs:g}" if rubs else mark
 
 
 def _remark(state: State) -> str:

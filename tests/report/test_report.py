@@ -37,6 +37,7 @@ from mocca_robot.report.palette import part_colours
 from mocca_robot.report.scene3d import packed
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import load_cases, state_cases
+from mocca_robot.statics.solution import Status
 from mocca_robot.verdicts.physics import (
     InsertionTrial,
     PartInsertion,
@@ -229,6 +230,19 @@ def test_every_kind_of_disagreement_is_listed(flat: ReportData) -> None:
     page = report_page(dataclasses.replace(flat, simulation=told))
     alarm = page[page.index('id="disagreements"') :]
     assert all(esc(f) in alarm for f in found) and ">Disagrees<" in page
+
+
+def test_states_are_compared_with_the_friction_that_physics_had() -> None:
+    """By its own statics, without friction, the stack slides; with the friction that physics had, it stands in both."""
+    data = collect(dataclasses.replace(designed(curved=False), load_cases=()), tilts=())
+    assert all(s.statics is False for s in states(data))
+    rubbed = tuple(
+        StateVerdict(placed=s.part, verdict=Verdict.STANDS, statics=Status.EQUILIBRIUM, friction=0.3)
+        for s in states(data)
+    )
+    compared = dataclasses.replace(data, simulation=simulated(data.design, states=rubbed))
+    assert all(s.agree for s in states(compared)) and disagreements(compared) == ()
+    assert "with friction 0.3" in report_page(compared) and "with friction 0.3" not in report_page(data)
 
 
 def test_a_claim_the_geometry_does_not_hold_is_a_disagreement() -> None:

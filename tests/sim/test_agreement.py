@@ -8,6 +8,7 @@ from benchmarks.agreement import Comparison, Probe, random_case
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.statics.cases import case_at
 from mocca_robot.statics.loads import tilted_gravity
+from mocca_robot.statics.solution import Status
 from mocca_robot.verdicts.physics import Verdict
 from sim.disagreement import cause
 from sim.scene import with_gravity
@@ -28,10 +29,11 @@ def test_verdicts_agree_away_from_the_critical_tilt(kind: str, seed: int) -> Non
 
 
 def test_a_verdict_agrees_only_where_both_decide_alike() -> None:
-    below, above = Probe(0.1, "equilibrium", "stands", ""), Probe(0.2, "not_in_equilibrium", "fell", "")
+    holds, slides = Status.EQUILIBRIUM, Status.NOT_IN_EQUILIBRIUM
+    below, above = Probe(0.1, holds, Verdict.STANDS, ""), Probe(0.2, slides, Verdict.FELL, "")
     assert Comparison(0.15, 0.4, (below, above)).verdict == "agree"
-    wrong = [("equilibrium", "fell"), ("not_in_equilibrium", "stands"), ("equilibrium", "failed")]
-    for statics, physics in [*wrong, ("inaccurate", "fell")]:
+    wrong = [(holds, Verdict.FELL), (slides, Verdict.STANDS), (holds, Verdict.FAILED)]
+    for statics, physics in [*wrong, (Status.INACCURATE, Verdict.FELL)]:
         assert Comparison(0.15, 0.4, (below, Probe(0.2, statics, physics, ""))).verdict == "DISAGREE"
     assert Comparison(0.0, 0.4, ()).verdict == "near"
 
