@@ -34,7 +34,7 @@ STIFFNESS = 1e6
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CoulombCase:
+class PointSeen:
     """A point looked at from outside the solver, in units of the load.
 
     Attributes:
@@ -130,19 +130,19 @@ def _problem(contacts: FrictionalContacts, w: Array, scale: float) -> CompliantC
         blocks,
         blocks.own_transposed(w),
         np.ascontiguousarray(compliance[order].T),
-        np.zeros_like(blocks.mass),
+        np.zeros_like(blocks.own_gram),
         np.ascontiguousarray(overlap[order]),
     )
 
 
-def _rests(found: StepsSettled, seen: CoulombCase | None) -> bool:
+def _rests(found: StepsSettled, seen: PointSeen | None) -> bool:
     """Return whether forces that obey Coulomb's law hold the load."""
     return found.rests and seen is not None and max(seen.violation, seen.share) <= EQUILIBRIUM_RESIDUAL
 
 
 def _seen(
     contacts: FrictionalContacts, problem: CompliantCones, w: Array, scale: float, found: StepsSettled
-) -> CoulombCase | None:
+) -> PointSeen | None:
     """Return the evidence that a point gives, computed from its displacements and forces alone."""
     if found.point is None:
         return None
@@ -153,7 +153,7 @@ def _seen(
     forces = z * contacts.steep
     violation, slip = _law(contacts, forces, moves, scale)
     travelled = travel(problem, point) if found.rests else float("nan")
-    return CoulombCase(
+    return PointSeen(
         u=u, forces=forces, left=w + rows.matrix.T @ z.ravel(), slip=slip, violation=violation, travel=travelled
     )
 
@@ -184,7 +184,7 @@ def _law(contacts: FrictionalContacts, forces: Array, moves: Array, scale: float
 
 def _verdict(
     contacts: FrictionalContacts,
-    seen: CoulombCase,
+    seen: PointSeen,
     standing: Standing,
     bound: EquilibriumResult | None,
     scale: float,

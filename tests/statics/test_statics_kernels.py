@@ -61,7 +61,7 @@ def test_products_are_those_with_the_matrix(system: ContactSystem) -> None:
     u, z = rng.normal(size=blocks.size), rng.uniform(size=len(blocks.source))
     assert blocks.times(u) == pytest.approx(b @ u, abs=1e-12)
     assert blocks.transposed_times(z) == pytest.approx(b.T @ z, abs=1e-12)
-    assert blocks.inertia_times(u) == pytest.approx(y.T @ y @ u, abs=1e-12)
+    assert blocks.own_gram_times(u) == pytest.approx(y.T @ y @ u, abs=1e-12)
     assert blocks.own_wrenches(blocks.own_transposed(u)) == pytest.approx(u, abs=1e-12)
     assert system.matrix.T @ blocks.forces(z) == pytest.approx(blocks.own_wrenches(b.T @ z), abs=1e-12)
 
@@ -87,12 +87,12 @@ def test_sparse_and_banded_factors_agree_where_much_is_filled_in(case: Case) -> 
     rng = np.random.default_rng(2)
     gram, right = blocks.gram(rng.uniform(0.1, 10.0, size=len(blocks.source))), rng.normal(size=blocks.size)
     banded, sparse = (kind.of(*graph) for kind in (BandedLayout, SparseLayout))
-    expected = banded.factor(blocks.mass, gram).solve(right)
+    expected = banded.factor(blocks.own_gram, gram).solve(right)
     room = sparse.room()
     for _ in range(2):  # what was in the room before does not matter
-        assert sparse.factor(blocks.mass, gram, room).solve(right) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+        assert sparse.factor(blocks.own_gram, gram, room).solve(right) == pytest.approx(expected, rel=1e-9, abs=1e-12)
     with pytest.raises(NotPositiveDefinite, match="pivot"):
-        sparse.factor(-blocks.mass, gram, room)
+        sparse.factor(-blocks.own_gram, gram, room)
 
 
 @pytest.mark.parametrize(("make", "parts", "sparse"), [(growth.dome, 400, True), (leaning_wall, 1500, False)])

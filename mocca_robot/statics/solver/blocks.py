@@ -134,12 +134,12 @@ class PairBlocks:
         """Return Yᵀ w, wrenches (n,) about the common point."""
         return np.asarray((self.to_own.transpose(0, 2, 1) @ w.reshape(-1, self.dof, 1)).ravel())
 
-    def inertia_times(self, u: Array) -> Array:
+    def own_gram_times(self, u: Array) -> Array:
         """Return YᵀY u, (n,)."""
-        return np.asarray((self.mass @ u.reshape(-1, self.dof, 1)).ravel())
+        return np.asarray((self.own_gram @ u.reshape(-1, self.dof, 1)).ravel())
 
     @cached_property
-    def mass(self) -> Array:
+    def own_gram(self) -> Array:
         """Return (F, dof, dof) YᵀY, the Hessian of ½|v|² in u."""
         return np.asarray(self.to_own.transpose(0, 2, 1) @ self.to_own)
 
@@ -155,7 +155,7 @@ class PairBlocks:
 
     def factor(self, gram: Array, room: Array | None = None) -> Factor:
         """Return the Cholesky factor of YᵀY + BᵀDB from the H_p of `gram`. Raises NotPositiveDefinite."""
-        return self.layout.factor(self.mass, gram, room)
+        return self.layout.factor(self.own_gram, gram, room)
 
 
 def _shift(x: Array) -> Array:

@@ -50,7 +50,7 @@ class CompliantCones:
     @cached_property
     def mass(self) -> Array:
         """Return (F, dof, dof) the inertia, kept from being nothing."""
-        return np.asarray(self.inertia + REGULAR * self.blocks.mass)
+        return np.asarray(self.inertia + REGULAR * self.blocks.own_gram)
 
     def moved(self, u: Array) -> Array:
         """Return ε M u, (n,)."""

@@ -96,7 +96,7 @@ def move(problem: CompliantCones, elastic: StepsSettled) -> StepsSettled:
     """
     count = _Counter()
     blocks = problem.blocks
-    reach = 1.0 if elastic.point is None else float(np.linalg.norm(blocks.inertia_times(elastic.point.u)))
+    reach = 1.0 if elastic.point is None else float(np.linalg.norm(blocks.own_gram_times(elastic.point.u)))
     inertia, travelled = GIVES / reach, np.zeros(blocks.size)
     point: CoulombPoint | None = None
     shares: list[float] = []
@@ -106,16 +106,16 @@ def move(problem: CompliantCones, elastic: StepsSettled) -> StepsSettled:
     for _ in range(MOST_STEPS):
         if count.programs * blocks.size >= MOST_WORK and count.programs >= FEWEST_PROGRAMS:
             break
-        pull = problem.pull + inertia * blocks.inertia_times(travelled)
-        step = replace(problem, pull=pull, inertia=inertia * blocks.mass)
+        pull = problem.pull + inertia * blocks.own_gram_times(travelled)
+        step = replace(problem, pull=pull, inertia=inertia * blocks.own_gram)
         after = _step_of_time(step, travelled, travelled + speed / inertia, count)
         if after is None:
             faster = np.sqrt(SHORTER)
             inertia *= faster
             continue
         point, speed, travelled = after, inertia * (after.u - travelled), after.u
-        shares.append(float(np.linalg.norm(blocks.inertia_times(speed))))
-        path.append((float(np.linalg.norm(blocks.inertia_times(travelled))) / reach, shares[-1]))
+        shares.append(float(np.linalg.norm(blocks.own_gram_times(speed))))
+        path.append((float(np.linalg.norm(blocks.own_gram_times(travelled))) / reach, shares[-1]))
         if _goes_on(path):
             return _settled(point, count, falls=True, speed=speed, shares=tuple(shares))
         if len(shares) > 1 and shares[-1] <= RESTING * shares[-2]:
@@ -135,7 +135,7 @@ def travel(problem: CompliantCones, point: CoulombPoint) -> float:
     if sliding <= FAR * float((problem.compliance[0] * point.z[0]).max(initial=0.0)):
         return 1.0
     first = solve(problem, np.zeros(problem.compliance.shape[1]))
-    lengths = [float(np.linalg.norm(problem.blocks.inertia_times(u))) for u in (point.u, first.u)]
+    lengths = [float(np.linalg.norm(problem.blocks.own_gram_times(u))) for u in (point.u, first.u)]
     return lengths[0] / max(lengths[1], 1e-300)
 
 

@@ -30,7 +30,7 @@ def on_face(blocks: PairBlocks, pull: Array, c: Array, z: Array, pressing: BoolA
     """
     weight = np.where(pressing, np.maximum(z / z.max(initial=1e-300), LEAST_WEIGHT) ** 2, 0.0)
     try:
-        factor = blocks.layout.factor(blocks.mass / PENALTY, blocks.gram(weight))
+        factor = blocks.layout.factor(blocks.own_gram / PENALTY, blocks.gram(weight))
     except NotPositiveDefinite:
         return None
     z, u = np.where(pressing, z, 0.0), np.zeros_like(pull)
@@ -43,9 +43,9 @@ def on_face(blocks: PairBlocks, pull: Array, c: Array, z: Array, pressing: BoolA
         u = u + step
         slack = blocks.times(u) + c
         open_gap = np.where(pressing, slack, 0.0)
-        left = pull + blocks.transposed_times(z) - blocks.inertia_times(u)
+        left = pull + blocks.transposed_times(z) - blocks.own_gram_times(u)
         if float(np.linalg.norm(left)) <= EXACT and float(np.abs(open_gap).max(initial=0.0)) <= EXACT:
-            doubtful = not c.any() and DOUBTFUL[0] < float(np.sqrt(u @ blocks.inertia_times(u))) < DOUBTFUL[1]
+            doubtful = not c.any() and DOUBTFUL[0] < float(np.sqrt(u @ blocks.own_gram_times(u))) < DOUBTFUL[1]
             return None if doubtful or float(slack.min(initial=0.0)) < -EXACT else z
         open_gap[np.abs(open_gap) < 0.01 * EXACT] = 0.0  # rounding, which the penalty would blow up
     return None

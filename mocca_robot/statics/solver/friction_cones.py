@@ -49,7 +49,7 @@ def _multipliers(blocks: PairBlocks, pull: Array) -> tuple[Array, float]:
     u, s, z = np.zeros(blocks.size), 0.03 * weight * unit, weight * unit
     best, best_residual, stalled, last_try = z, np.inf, 0, NEARLY_BALANCED
     for _ in range(MAX_ITERATIONS):
-        inertia = blocks.inertia_times(u)
+        inertia = blocks.own_gram_times(u)
         unbalanced = pull + blocks.transposed_times(_flat(z))
         r_dual, r_primal = inertia - unbalanced, _columns(blocks.times(u)) - s
         gap = float((s * z).sum())
@@ -91,7 +91,7 @@ def _newton_step(blocks: PairBlocks, s: Array, z: Array, r_dual: Array, r_primal
         ds = _columns(blocks.times(du)) + r_primal
         dz = -target - scaling.divide_twice(ds)
         if refine:
-            missing = blocks.inertia_times(du) - blocks.transposed_times(_flat(dz)) + r_dual
+            missing = blocks.own_gram_times(du) - blocks.transposed_times(_flat(dz)) + r_dual
             more = factor.solve(-missing)
             slack = _columns(blocks.times(more))
             du, ds, dz = du + more, ds + slack, dz - scaling.divide_twice(slack)
@@ -120,7 +120,7 @@ def _balanced(blocks: PairBlocks, z: Array, unbalanced: Array) -> Array | None:
 
     # 2 y yᵀ − depth·J = depth (2 b bᵀ − J) with b = y / √depth.
     try:
-        factor = blocks.layout.factor(1e-10 * blocks.mass, _gram(blocks, y / np.sqrt(depth), depth))
+        factor = blocks.layout.factor(1e-10 * blocks.own_gram, _gram(blocks, y / np.sqrt(depth), depth))
     except NotPositiveDefinite:
         return None
     change, left = np.zeros_like(z), unbalanced

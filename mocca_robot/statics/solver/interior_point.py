@@ -85,7 +85,7 @@ def solve_interior_point(system: ContactSystem, w: Array, c: Array) -> tuple[Arr
     loads = np.atleast_2d(w)
     motions, forces = np.empty(loads.shape), np.empty((len(loads), len(c)))
     blocks = system.blocks
-    _ = blocks.layout, blocks.mass  # made once, before threads ask for them
+    _ = blocks.layout, blocks.own_gram  # made once, before threads ask for them
     count = max(1, -(-len(loads) // CHAIN)) if blocks.size >= WORTH_THREADS else 1
     chains = list(zip(*(np.array_split(x, count) for x in (loads, motions, forces)), strict=True))
     on_all_cores(lambda chain: _solve_chain(blocks, c, *chain), chains)

@@ -97,7 +97,7 @@ class Iterate:
             du, length = self._centred(factor, du, length, mu)
         if self._largest > REFINE_FROM:
             rest = self.inertia - self.unbalanced
-            rest += self.blocks.inertia_times(du) - self.blocks.transposed_times(self._dz)
+            rest += self.blocks.own_gram_times(du) - self.blocks.transposed_times(self._dz)
             more = factor.solve(-rest)
             du = du + more
             length = STEP * self._refined(more)
@@ -174,7 +174,7 @@ class Iterate:
         self.gap, self._largest = kernels.advance(
             *(b.rays, b.starts, self.s, self.z, self._ds, self._dz, length, self.weights, self._wrenches, self._gram)
         )
-        self.inertia = b.inertia_times(self.u)
+        self.inertia = b.own_gram_times(self.u)
         self.unbalanced = self.problem.pull + b.gathered(self._wrenches)
 
 
