@@ -159,7 +159,8 @@ def test_every_verdict_and_error_is_explained() -> None:
     page = (DOCS / "when-it-says-no.md").read_text(encoding="utf-8")
     headings = set(re.findall(r"^### (\w+)$", page, re.MULTILINE))
     sources = [*(ROOT / "mocca_robot" / "cli").glob("*.py")]
-    kinds = {k for s in sources for k in re.findall(r'Finding\(\s*"(\w+)"', s.read_text(encoding="utf-8"))}
+    made = re.compile(r'NegativeVerdict\(\s*(?:kind=)?"(\w+)"')
+    kinds = {k for s in sources for k in made.findall(s.read_text(encoding="utf-8"))}
     assert NegativeVerdict.__doc__ is not None
     named = set(re.findall(r"'(\w+)'", NegativeVerdict.__doc__))
     errors = {
