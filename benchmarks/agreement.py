@@ -21,6 +21,7 @@ from mocca_robot.assembly import Assembly
 from mocca_robot.config.config import load
 from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.errors import InputError
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.executors import completed, executor
 from mocca_robot.statics.cases import case_at, critical_tilt, solve_case
 from mocca_robot.statics.loads import tilted_gravity
@@ -197,11 +198,12 @@ def compared(assembly: Assembly, friction: float, azimuth_rad: float) -> Compari
     """
     report = find_contacts(assembly)
     require_sound(assembly, report)
+    graph = PartsGraph.of(assembly, report.contacts)
     limit = TILT_AGREEMENT_RAD[assembly.dimension]
-    critical = critical_tilt(assembly, report.contacts, azimuth_rad, friction)
+    critical = critical_tilt(graph, azimuth_rad, friction)
 
     def statics(angle: float, azimuth: float = azimuth_rad) -> Status:
-        return solve_case(assembly, report.contacts, case_at(assembly, angle, azimuth), friction).result.status
+        return solve_case(graph, case_at(assembly, angle, azimuth), friction).result.status
 
     if critical > 0.0:
         angles = [a for a in (critical - limit, critical + limit) if 0.0 <= a < np.pi / 2]
@@ -212,7 +214,7 @@ def compared(assembly: Assembly, friction: float, azimuth_rad: float) -> Compari
     if rays is None:
         compiled = tilt_scene(assembly, contact_model(assembly, report.contacts, friction), friction)
     else:
-        compiled = detailed_scene(assembly, report.contacts, rays, azimuth_rad, critical, friction)
+        compiled = detailed_scene(graph, rays, azimuth_rad, critical, friction)
     probes = []
     why = ""
     for angle in angles:
@@ -221,5 +223,5 @@ def compared(assembly: Assembly, friction: float, azimuth_rad: float) -> Compari
         run = judged(tilted, doubted=expected == Status.EQUILIBRIUM)
         probes.append(Probe(angle, expected, run.verdict, run.reason))
         if not probes[-1].agrees:
-            why = cause(assembly, report.contacts, case_at(assembly, angle, azimuth_rad), tilted, run)
+            why = cause(graph, case_at(assembly, angle, azimuth_rad), tilted, run)
     return Comparison(critical, friction, tuple(probes), why)

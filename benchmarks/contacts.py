@@ -16,6 +16,7 @@ from benchmarks.measurement import Measurement, ToolAnswer, measure
 from mocca_robot.assembly import Assembly, Mesh, Part
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.geometry.facets import facets
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import load_cases
 from mocca_robot.tolerances import TOLERANCES
@@ -56,9 +57,9 @@ def _detected(assembly: Assembly, expected: int | None) -> ToolAnswer:
 
 
 def _judged(assembly: Assembly, expected: int | None) -> ToolAnswer:
-    found = find_contacts(assembly).contacts
-    result = solve_case(assembly, found, load_cases(assembly)[0], FRICTION).result
-    return ToolAnswer(f"{result.status.value}, {_pairs({c.parts for c in found}, expected)}", result.kkt)
+    graph = PartsGraph.of(assembly)
+    result = solve_case(graph, load_cases(graph)[0], FRICTION).result
+    return ToolAnswer(f"{result.status.value}, {_pairs({c.parts for c in graph.contacts}, expected)}", result.kkt)
 
 
 def _pairs(found: set[tuple[int, int]], expected: int | None) -> str:

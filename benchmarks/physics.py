@@ -13,7 +13,7 @@ from benchmarks.measurement import Measurement, ToolAnswer, measure
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
 from mocca_robot.config.config import load
-from mocca_robot.contacts.find import find_contacts
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.executors import executor
 from mocca_robot.statics.cases import critical_tilt
 from planners.cone_joints.designer import design
@@ -95,11 +95,12 @@ def _insertions(assembly: Assembly, ways: dict[str, Array]) -> ToolAnswer:
 
 def _scene(assembly: Assembly) -> Compiled:
     """Return the finished assembly as the tilt table has it without friction: large ones with chosen contact points."""
-    contacts = find_contacts(assembly).contacts
+    graph = PartsGraph.of(assembly)
+    contacts = graph.contacts
     rays = telling_rays(assembly, contacts, 0.0)
     if rays is None:
         return tilt_scene(assembly, contact_model(assembly, contacts, 0.0), 0.0)
-    return detailed_scene(assembly, contacts, rays, 0.0, critical_tilt(assembly, contacts, 0.0, 0.0))
+    return detailed_scene(graph, rays, 0.0, critical_tilt(graph, 0.0, 0.0))
 
 
 def _steps(compiled: Compiled, threads: int) -> ToolAnswer:

@@ -10,11 +10,9 @@ import numpy as np
 
 from benchmarks.measurement import Measurement, ToolAnswer, measure, side_by_side
 from benchmarks.statics import compile_now
-from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
-from mocca_robot.contacts.find import find_contacts
 from mocca_robot.generators import generate
 from mocca_robot.joints.joint import contact_rays
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.equilibrium import equilibrium
 from mocca_robot.statics.loads import LoadCase, case_wrenches, state_cases
 from mocca_robot.statics.solution import EquilibriumResult
@@ -28,22 +26,22 @@ def states(quick: bool = False, only: str | None = None) -> Iterator[Measurement
     """Yield rows for single states, some that stand and some that fall, and one for all states together."""
     compile_now()
     assembly = generate("dome", {"blocks": list(RINGS), "thickness": 0.15, "snap": 0.2}, Path())
-    contacts = find_contacts(assembly).contacts
-    cases = state_cases(assembly)
+    graph = PartsGraph.of(assembly)
+    cases = state_cases(graph)
     for number in range(len(cases) - 1, 0, -19 if quick else -7):
         name = f"dome-{len(assembly.parts)}-{cases[number].name}"
         if only is None or only in name:
             solvers = (("ours", "interior_point"), ("clarabel", "clarabel"))
-            tools = {tool: partial(_judged, assembly, contacts, [cases[number]], solver) for tool, solver in solvers}
+            tools = {tool: partial(_judged, graph, [cases[number]], solver) for tool, solver in solvers}
             yield from side_by_side("states", name, tools, repeats=9)
     name = f"dome-{len(assembly.parts)}-all"
     if only is None or only in name:
-        yield measure("states", name, "ours", partial(_judged, assembly, contacts, cases, "interior_point"))
+        yield measure("states", name, "ours", partial(_judged, graph, cases, "interior_point"))
 
 
-def _judged(assembly: Assembly, contacts: Sequence[Contact], cases: Sequence[LoadCase], solver: str) -> ToolAnswer:
+def _judged(graph: PartsGraph, cases: Sequence[LoadCase], solver: str) -> ToolAnswer:
     """Return the verdict of the last state, or how many of several stand, and the largest residual."""
-    pairs, points, normals = contact_rays(contacts)
+    assembly, (pairs, points, normals) = graph.assembly, contact_rays(graph.contacts)
     results = []
     for case in cases:
         there = case.present[pairs].all(axis=1)
@@ -51,7 +49,7 @@ def _judged(assembly: Assembly, contacts: Sequence[Contact], cases: Sequence[Loa
             pairs[there],
             points[there],
             normals[there],
-            case_wrenches(case, assembly, contacts),
+            case_wrenches(case, graph),
             fixed=~case.free,
             friction=FRICTION,
             about=np.array([p.centroid for p in assembly.parts]),

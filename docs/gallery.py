@@ -23,6 +23,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.cli import main as mocca_robot
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.files.design_json import StoredDesign, read_design
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report import drawing3d, raster
 from mocca_robot.report.animation import Shot, film
 from mocca_robot.report.drawing2d import view_of
@@ -113,9 +114,9 @@ def figures(name: str) -> dict[str, Any]:
 
 def weakest(assembly: Any) -> float:
     """Return the smallest critical tilt by statics over all azimuths, degrees."""
-    contacts = find_contacts(assembly).contacts
+    graph = PartsGraph.of(assembly)
     azimuths = tilt_azimuths(assembly.dimension, 8)
-    return round(float(np.rad2deg(min(critical_tilt(assembly, contacts, float(a)) for a in azimuths))), 2)
+    return round(float(np.rad2deg(min(critical_tilt(graph, float(a)) for a in azimuths))), 2)
 
 
 def physics(simulation: Simulation) -> dict[str, Any]:
@@ -171,13 +172,13 @@ def design_picture(stored: StoredDesign, path: Path) -> None:
     """Write input and result side by side: how the input would move; the forces in the result, or its parts apart."""
     built, source = stored.assembly, stored.source or stored.assembly
     before, after = verify(source), verify(built)
-    colours = part_colours(built, after.contacts)
+    colours = part_colours(after.graph)
     view = shared_view([source, built], 380.0)
     worst = sorted(before.cases, key=lambda c: -float(np.nan_to_num(c.result.infeasibility)))[:1]
-    left = Picture(assembly=source, contacts=before.contacts, colours=colours, cases=worst, names=False)
+    left = Picture(graph=before.graph, colours=colours, cases=worst, names=False)
     if built.dimension == 2:
         right, title = (
-            Picture(assembly=built, contacts=after.contacts, colours=colours, cases=after.cases[:1], names=False),
+            Picture(graph=after.graph, colours=colours, cases=after.cases[:1], names=False),
             "cone joints",
         )
         drawn = [draw(left, view, "input"), draw(right, view, "result")]
@@ -186,7 +187,7 @@ def design_picture(stored: StoredDesign, path: Path) -> None:
         title = "cone joints, taken apart"
         drawn = [
             draw(left, view, "input"),
-            draw(Picture(assembly=built, contacts=after.contacts, colours=colours, apart=APART), wide, "result"),
+            draw(Picture(graph=after.graph, colours=colours, apart=APART), wide, "result"),
         ]
         if abs(wide.width - view.width) + abs(wide.height - view.height) > 1:
             view = wide if wide.height > view.height else view
@@ -197,7 +198,6 @@ def flat_film(stored: StoredDesign, path: Path) -> None:
     """Write the film of input and result: put together, let go. How the input falls is MuJoCo's run, slowed down."""
     source = stored.source or stored.assembly
     ways = {i.part: np.asarray(i.direction) for i in stored.insertion}
-    contacts = find_contacts(source).contacts
     falling, moving = fall(source)
     shots = [
         Shot(
@@ -210,7 +210,7 @@ def flat_film(stored: StoredDesign, path: Path) -> None:
         ),
         Shot(assembly=stored.assembly, title="cone joints", ways=ways, stands=verify(stored.assembly).stands),
     ]
-    path.write_text(stand_alone(film(shots, part_colours(source, contacts))), encoding="utf-8")
+    path.write_text(stand_alone(film(shots, part_colours(PartsGraph.of(source)))), encoding="utf-8")
 
 
 def fall(source: Any) -> tuple[Array | None, Array | None]:
@@ -233,7 +233,7 @@ def solid_film(stored: StoredDesign, path: Path, frames: int = 48, side: int = 3
     from PIL import Image
 
     assembly = stored.assembly
-    colours = part_colours(assembly, find_contacts(assembly).contacts)
+    colours = part_colours(PartsGraph.of(assembly))
     fills = [FIXED if c < 0 else LIGHT[c] for c in colours]
     ways = {i.part: np.asarray(i.direction) for i in stored.insertion}
     order = {p: k for k, p in enumerate(n for n, q in zip(assembly.sequence, assembly.parts) if not q.fixed)}

@@ -23,6 +23,7 @@ from .geometry.cones import MotionCone, extreme_rays, generalized_normals, large
 from .joints.joint import Joint
 from .joints.options import JointOptions
 from .motion.insertion import InsertionVerdict, insertion_verdicts
+from .motion.parts_graph import Meeting, PartMotion, PartsGraph, PlacedPart
 from .plan.dry_run import dry_run
 from .plan.plan import Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint, write_plan
 from .plan.reader import read_plan
@@ -57,6 +58,7 @@ __all__ = [
     "Lateral",
     "LoadCase",
     "LocalProcesses",
+    "Meeting",
     "Mesh",
     "MoccaError",
     "MotionCone",
@@ -65,7 +67,10 @@ __all__ = [
     "NearMiss",
     "Overlap",
     "Part",
+    "PartMotion",
+    "PartsGraph",
     "Placed",
+    "PlacedPart",
     "Plan",
     "Polygon",
     "SimulationOptions",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterator, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.joints.joint import contact_rays
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_rays
 from mocca_robot.statics.loads import LoadCase
 from mocca_robot.statics.solution import Status, solve_system
@@ -46,9 +46,7 @@ EVERY = 5
 """Steps between two looks at forces."""
 
 
-def cause(
-    assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, tilted: Compiled, found: StabilityReport
-) -> str:
+def cause(graph: PartsGraph, case: LoadCase, tilted: Compiled, found: StabilityReport) -> str:
     """Return what explains that physics found otherwise than statics.
 
     'soft contacts': a much finer step, with contacts stiffer by its square, gives another verdict.
@@ -75,12 +73,12 @@ def cause(
     if found.verdict is Verdict.FELL and settings.friction > 0.0:
         told = f"{NOT_MADE}: {tried}; statics lets it fall as well with the forces that go with this fall"
         pressed: set[tuple[int, int]] | None = None
-        for fall in _falls(assembly, contacts, tilted, found):
-            if not holds(assembly, contacts, case, fall):
+        for fall in _falls(graph, tilted, found):
+            if not holds(graph, case, fall):
                 return f"{told} ({fall.opened} of {fall.opened + len(fall.rays)} contact points open)"
             if pressed is None:
                 pressed = pressed_pairs(with_timestep(tilted, settings.timestep / LIMITS.finer[0], SLIDING_STEPS))
-            if not holds(assembly, contacts, case, fall.only(pressed)):
+            if not holds(graph, case, fall.only(pressed)):
                 pairs = {pair for pair, _, _ in fall.rays}
                 return f"{told} ({len(pairs - pressed)} of {len(pairs)} pairs of parts are not pressed together)"
     for gentle in (0.0, 0.4):
@@ -111,9 +109,7 @@ class FallForces:
         return replace(self, rays=tuple(r for r in self.rays if r[0] in pairs))
 
 
-def _falls(
-    assembly: Assembly, contacts: Sequence[Contact], tilted: Compiled, found: StabilityReport
-) -> Iterator[FallForces]:
+def _falls(graph: PartsGraph, tilted: Compiled, found: StabilityReport) -> Iterator[FallForces]:
     """Yield the forces that go with the fall `found`, then those of the same fall with the sharpest step."""
     settings, ends = tilted.scene.settings, replace(LIMITS, fallen=LIMITS.told * LIMITS.moved)
     for step in (found.timestep, settings.timestep / SHARPEST):
@@ -121,11 +117,10 @@ def _falls(
             if contact_points(tilted) > LIMITS.finest_points:
                 return
             found = at_once(with_timestep(tilted, step, SLIDING_STEPS), ends)
-        speed = float(found.motion.speed[_seen(assembly, found.motion)].max())
+        speed = float(found.motion.speed[_seen(graph.assembly, found.motion)].max())
         give = replace(settings, timestep=step, contact_steps=SLIDING_STEPS).give
         fall = coulomb_rays(
-            assembly,
-            contacts,
+            graph,
             found.motion,
             settings.friction,
             WEIGHTS * give + HOPS * settings.friction * speed * step,
@@ -134,18 +129,17 @@ def _falls(
             yield fall
 
 
-def coulomb_rays(
-    assembly: Assembly, contacts: Sequence[Contact], motion: Motion, friction: float, least: float
-) -> FallForces | None:
+def coulomb_rays(graph: PartsGraph, motion: Motion, friction: float, least: float) -> FallForces | None:
     """Return the forces that go with a fall; None where its motion cannot be told well enough.
 
     Which contacts a fall opens is read from the rigid motion next to it, which Eq. 7 finds: parts do not enter each
     other, and what stays closed does so exactly. A contact opens, or slides, by more than `least` metres.
     """
+    assembly = graph.assembly
     farthest = motion.displacement[_seen(assembly, motion)]
     moving = np.zeros(len(assembly.parts), dtype=np.bool_)
     moving[motion.parts[farthest > MOVES * farthest.max()]] = True
-    pairs, points, normals = contact_rays(contacts)
+    pairs, points, normals = contact_rays(graph.contacts)
     theirs = moving[pairs].any(axis=1)
     pairs, points, normals = pairs[theirs], points[theirs], normals[theirs]
     about = np.array([p.centroid for p in assembly.parts])
@@ -234,11 +228,11 @@ def _velocity(motions: Array, about: Array, parts: IntArray, points: Array) -> A
     return np.asarray(motions[parts, :3] + np.cross(turn, lever))
 
 
-def holds(assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, fall: FallForces) -> bool:
+def holds(graph: PartsGraph, case: LoadCase, fall: FallForces) -> bool:
     """Return whether its forces hold the parts that fall, while the others stand."""
     directions = [d / np.linalg.norm(d, axis=1)[:, None] for _, _, d in fall.rays]
     pairs = np.array([pair for pair, _, d in fall.rays for _ in d], dtype=np.int64).reshape(-1, 2)
-    points = np.array([point for _, point, d in fall.rays for _ in d]).reshape(-1, assembly.dimension)
-    normals = np.concatenate([np.zeros((0, assembly.dimension)), *directions])
+    points = np.array([point for _, point, d in fall.rays for _ in d]).reshape(-1, graph.assembly.dimension)
+    normals = np.concatenate([np.zeros((0, graph.assembly.dimension)), *directions])
     there = replace(case, held=case.held | ~fall.moving)
-    return solve_rays(assembly, contacts, there, (pairs, points, normals)).status is Status.EQUILIBRIUM
+    return solve_rays(graph, there, (pairs, points, normals)).status is Status.EQUILIBRIUM

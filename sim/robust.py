@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 
-from mocca_robot.arrays import Array
-from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import InputError
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.verdicts.physics import Robustness
 from sim.insertion.directions import Direction, insertion_cone
 from sim.insertion.hand import HandOptions, PlacingError
@@ -67,9 +65,7 @@ def wilson(succeeded: int, trials: int, confidence: float) -> tuple[float, float
 
 
 def robust_trials(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
-    ways: Mapping[str, Array],
+    graph: PartsGraph,
     options: RobustOptions,
     seed: int,
     identity: tuple[str, str, str],
@@ -80,27 +76,26 @@ def robust_trials(
             f"robustness {k + 1}",
             (
                 *identity,
-                sorted((n, list(map(float, v))) for n, v in ways.items()),
+                sorted((n, list(map(float, v))) for n, v in graph.chosen.items()),
                 replace(options, trials=1),
                 seed,
                 k,
             ),
-            partial(robust_trial, assembly, contacts, ways, options, (seed, k)),
+            partial(robust_trial, graph, options, (seed, k)),
         )
         for k in range(options.trials)
     ]
 
 
 def robust_trial(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
-    ways: Mapping[str, Array],
+    graph: PartsGraph,
     options: RobustOptions,
     seed: tuple[int, int],
 ) -> Row:
     """Return {'failure': reason or ''} with what was drawn."""
     rng = np.random.default_rng(seed)
     friction = float(rng.uniform(*options.friction))
+    assembly, contacts = graph.assembly, graph.contacts
     factors = 1.0 + options.density_share * np.clip(rng.standard_normal(len(assembly.parts)), -3.0, 3.0)
     clearance = float(rng.uniform(*options.clearance))
     parts = tuple(replace(p, density=p.density * f) for p, f in zip(assembly.parts, factors))
@@ -110,11 +105,12 @@ def robust_trial(
     if not found.stands:
         return {**row, "failure": f"structure {found.verdict}: {found.reason}", "kind": f"structure {found.verdict}"}
     if options.insert:
+        placed = PartsGraph.of(drawn, contacts, graph.chosen)
         resting = pieces(drawn, contacts) if drawn.dimension == 2 else None
         for index, part in enumerate(drawn.parts):
             if part.fixed:
                 continue
-            cone = insertion_cone(drawn, contacts, index, ways.get(part.name))
+            cone = insertion_cone(placed, index)
             error = PlacingError(
                 tuple(options.shift * rng.standard_normal(drawn.dimension - 1)),
                 float(options.turn * rng.standard_normal()),

@@ -14,8 +14,9 @@ import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact, ContactReport
+from mocca_robot.contacts.contact import ContactReport
 from mocca_robot.contacts.find import find_contacts, require_sound
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.content_hash import assembly_hash
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import LoadCase, state_cases
@@ -80,9 +81,7 @@ def simulate(
     report = find_contacts(assembly)
     require_sound(assembly, report)
     work = _Work(
-        assembly,
-        report.contacts,
-        insertion or {},
+        PartsGraph.of(assembly, report.contacts, insertion),
         questions=questions,
         progress=progress,
         store=store,
@@ -124,9 +123,7 @@ class _Work:
 
     def __init__(
         self,
-        assembly: Assembly,
-        contacts: Sequence[Contact],
-        insertion: Mapping[str, Array],
+        graph: PartsGraph,
         *,
         questions: Questions,
         progress: Callable[[str, int, int], None] | None,
@@ -134,12 +131,11 @@ class _Work:
         executor: Executor | None,
         processes: Executor | None,
     ) -> None:
-        for name in insertion:
-            assembly.index(name)
-        self.assembly, self.contacts, self.ways, self.ask = assembly, contacts, insertion, questions
+        self.graph, self.ask = graph, questions
+        self.assembly, self.contacts = graph.assembly, graph.contacts
         self.progress, self.store = progress, store
         self.executor, self.processes = executor, processes
-        self.hash = assembly_hash(assembly)
+        self.hash = assembly_hash(self.assembly)
         self._touching_at: dict[float, ContactModel | Sequence[PairRays]] = {}
 
     def done(self, stages: Sequence[_Stage], so_far: Simulation) -> Simulation:
@@ -162,9 +158,9 @@ class _Work:
             Trial(
                 f"state {case.name.removeprefix('state_')}",
                 (*self._identity("state"), case.name, self.ask.friction),
-                partial(state_row, self.assembly, self.contacts, touching, case, self.ask.friction),
+                partial(state_row, self.graph, touching, case, self.ask.friction),
             )
-            for case in state_cases(self.assembly)
+            for case in state_cases(self.graph)
         ]
 
         def told(s: Simulation, rows: Sequence[Row]) -> Simulation:
@@ -187,9 +183,9 @@ class _Work:
             Trial(
                 f"tilt {np.rad2deg(a):.0f}°, friction {mu:g}",
                 (*self._identity("tilt"), float(a), mu),
-                partial(tilt_row, ready, self.contacts, float(a))
+                partial(tilt_row, ready, self.graph, float(a))
                 if isinstance(ready, Compiled)
-                else partial(detailed_tilt_row, self.assembly, self.contacts, ready, float(a), mu),
+                else partial(detailed_tilt_row, self.graph, ready, float(a), mu),
                 takes_long=mu > 0.0,
             )
             for mu, ready in prepared.items()
@@ -210,7 +206,7 @@ class _Work:
         for index, part in enumerate(self.assembly.parts):
             if part.fixed:
                 continue
-            cone = insertion_cone(self.assembly, self.contacts, index, self.ways.get(part.name))
+            cone = insertion_cone(self.graph, index)
             axis = tuple(float(x) for x in cone.axis)
             parts.append(
                 PartInsertion(
@@ -242,7 +238,7 @@ class _Work:
 
     def robust(self, so_far: Simulation) -> _Stage:
         identity = self._identity("robust")
-        trials = robust_trials(self.assembly, self.contacts, self.ways, self.ask.robust, self.ask.seed, identity)
+        trials = robust_trials(self.graph, self.ask.robust, self.ask.seed, identity)
         return _Stage(trials, lambda s, rows: replace(s, robust=robustness(rows, self.ask.robust)))
 
     def _insertion_groups(
@@ -256,7 +252,8 @@ class _Work:
         carried = None
         if below_stands and before is not None and not isinstance(rays, ContactModel):
             carried = Carried(rays, before)
-        mine = [c for c in self.contacts if c.parts[1] == cone.part]  # all of a large structure's take long to send
+        # What is between all the others takes long to send for a large structure.
+        near = self.graph.state(cone.part).around(cone.part)
         telling = tuple(w for w in ways if w.kind in ("axis", "rim"))
         # Negative controls only without clearance: with play, 3° outside may truly go in.
         runs: list[tuple[float, str, tuple[Direction, ...], tuple[PlacingError, ...]]]
@@ -271,9 +268,7 @@ class _Work:
             needed: ContactModel | Carried | None = None
             if below == "free" or self.assembly.dimension == 2:
                 needed = carried or resting
-            find_out = partial(
-                insertion_rows, self.assembly, mine, self.ask, needed, cone, clearance, below, tried, errors
-            )
+            find_out = partial(insertion_rows, near, self.ask, needed, cone, clearance, below, tried, errors)
             groups.append((content, find_out))
         return groups
 
@@ -282,7 +277,7 @@ class _Work:
         stands = {s.placed: s.stands for s in so_far.states}
         out = []
         before = True
-        cases = {case.name.removeprefix("state_"): case for case in state_cases(self.assembly)}
+        cases = {case.name.removeprefix("state_"): case for case in state_cases(self.graph)}
         for part in self.assembly.parts:
             out.append(before)
             if part.name in stands:
@@ -292,12 +287,12 @@ class _Work:
         return out
 
     def _statics_stands(self, case: Any) -> bool:
-        result = solve_case(self.assembly, self.contacts, case, self.ask.friction).result
+        result = solve_case(self.graph, case, self.ask.friction).result
         return result.status is Status.EQUILIBRIUM
 
     def _state_before(self, part: int) -> LoadCase | None:
         """Return the load case of the state in which `part` is placed; None when only fixed parts are there."""
-        cases = [c for c in state_cases(self.assembly) if not c.present[part:].any()]
+        cases = [c for c in state_cases(self.graph) if not c.present[part:].any()]
         return cases[-1] if cases else None
 
     def _touching(self, friction: float) -> ContactModel | Sequence[PairRays]:

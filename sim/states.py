@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from mocca_robot.arrays import BoolArray
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import LoadCase
 from mocca_robot.statics.solution import Status
@@ -20,21 +17,21 @@ from sim.stability import LIMITS, StabilityLimits, StabilityReport, free_scene, 
 
 
 def state_verdict(
-    assembly: Assembly,
+    graph: PartsGraph,
     model: ContactModel,
-    contacts: Sequence[Contact],
     case: LoadCase,
     friction: float = 0.0,
     limits: StabilityLimits = LIMITS,
 ) -> StateVerdict:
     """Return both verdicts on one state of `mocca_robot.statics.loads.state_cases`."""
+    assembly = graph.assembly
     scene = free_scene(assembly, model, present=case.present, held=case.held, gravity=case.gravity, friction=friction)
-    statics = solve_case(assembly, contacts, case, friction)
+    statics = solve_case(graph, case, friction)
     compiled = compile_scene(scene)
     holds = statics.result.status is Status.EQUILIBRIUM
     found = judged(compiled, limits, doubted=holds)
     doubt = holds and found.verdict is Verdict.FELL
-    why = cause(assembly, _between(contacts, case.present), case, compiled, found) if doubt else ""
+    why = cause(graph.among(np.flatnonzero(case.present).tolist()), case, compiled, found) if doubt else ""
     placed = assembly.parts[int(np.flatnonzero(case.present).max())].name
     times, poses, names = _recorded(assembly, found)
     return StateVerdict(
@@ -54,10 +51,6 @@ def state_verdict(
         parts=names,
         cause=why,
     )
-
-
-def _between(contacts: Sequence[Contact], present: BoolArray) -> list[Contact]:
-    return [c for c in contacts if present[list(c.parts)].all()]
 
 
 def _recorded(

@@ -8,8 +8,8 @@ import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import InputError
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import case_at, critical_tilt
 from mocca_robot.statics.loads import tilt_azimuths, tilted_gravity
 from mocca_robot.verdicts.agreement import TILT_AGREEMENT_DEG
@@ -53,32 +53,30 @@ def tilt_scene(assembly: Assembly, model: ContactModel, friction: float = 0.0) -
 
 
 def detailed_scene(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
+    graph: PartsGraph,
     rays: Sequence[PairRays],
     azimuth_rad: float,
     critical_rad: float,
     friction: float = 0.0,
 ) -> Compiled:
     """Return the finished assembly with contact points for one azimuth, at which statics' critical tilt is given."""
+    assembly = graph.assembly
     if critical_rad == 0.0:  # nothing to hold
         return tilt_scene(assembly, facet_pairs(r.reduced for r in rays), friction)
     case = case_at(assembly, max(0.0, critical_rad - HELD_BELOW_RAD), azimuth_rad)
-    return tilt_scene(assembly, holding_model(assembly, contacts, rays, case, friction), friction)
+    return tilt_scene(assembly, holding_model(graph, rays, case, friction), friction)
 
 
-def detailed_tilt(
-    assembly: Assembly, contacts: Sequence[Contact], rays: Sequence[PairRays], azimuth_rad: float, friction: float
-) -> TiltVerdict:
+def detailed_tilt(graph: PartsGraph, rays: Sequence[PairRays], azimuth_rad: float, friction: float) -> TiltVerdict:
     """Return the critical tilt of an assembly of so many contact points that they are chosen for this azimuth."""
-    guess = critical_tilt(assembly, contacts, azimuth_rad, friction)
-    compiled = detailed_scene(assembly, contacts, rays, azimuth_rad, guess, friction)
-    return physical_tilt(compiled, contacts, azimuth_rad, guess_rad=guess)
+    guess = critical_tilt(graph, azimuth_rad, friction)
+    compiled = detailed_scene(graph, rays, azimuth_rad, guess, friction)
+    return physical_tilt(compiled, graph, azimuth_rad, guess_rad=guess)
 
 
 def physical_tilt(
     compiled: Compiled,
-    contacts: Sequence[Contact],
+    graph: PartsGraph,
     azimuth_rad: float,
     *,
     limits: StabilityLimits = LIMITS,
@@ -100,7 +98,7 @@ def physical_tilt(
     friction = scene.settings.friction
     if resolution_rad is None:
         resolution_rad = float(RESOLUTION if contact_points(compiled) <= limits.finest_points else COARSE_RESOLUTION)
-    guess = critical_tilt(scene.assembly, contacts, azimuth_rad, friction) if guess_rad is None else guess_rad
+    guess = critical_tilt(graph, azimuth_rad, friction) if guess_rad is None else guess_rad
     quick: dict[float, StabilityReport] = {}
     sure: dict[float, StabilityReport] = {}
     doubted: dict[float, StabilityReport] = {}
@@ -150,7 +148,7 @@ def physical_tilt(
     why = ""
     if early(high) and sure[high].verdict is Verdict.FELL:
         case = case_at(scene.assembly, high, azimuth_rad)
-        why = cause(scene.assembly, contacts, case, scene_at(high), sure[high])
+        why = cause(graph, case, scene_at(high), sure[high])
     return TiltVerdict(
         azimuth_rad=azimuth_rad,
         critical_rad=0.5 * (low + high),

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any, TypeVar
 
-from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import LoadCase
 from mocca_robot.statics.solution import Status
 from mocca_robot.verdicts.physics import InsertionTrial, StateVerdict, TiltVerdict, Verdict
@@ -26,8 +25,7 @@ Result = TypeVar("Result", StateVerdict, TiltVerdict, InsertionTrial)
 
 
 def state_row(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
+    graph: PartsGraph,
     touching: ContactModel | Sequence[PairRays],
     case: LoadCase,
     friction: float,
@@ -36,20 +34,18 @@ def state_row(
     if isinstance(touching, ContactModel):
         model = touching
     else:
-        model = holding_model(assembly, contacts, touching, case, friction)
-    return asdict(state_verdict(assembly, model, contacts, case, friction))
+        model = holding_model(graph, touching, case, friction)
+    return asdict(state_verdict(graph, model, case, friction))
 
 
-def tilt_row(compiled: Compiled, contacts: Sequence[Contact], azimuth: float) -> Row:
+def tilt_row(compiled: Compiled, graph: PartsGraph, azimuth: float) -> Row:
     """Return the critical tilt of a compiled assembly towards one azimuth (rad)."""
-    return asdict(physical_tilt(compiled, contacts, azimuth))
+    return asdict(physical_tilt(compiled, graph, azimuth))
 
 
-def detailed_tilt_row(
-    assembly: Assembly, contacts: Sequence[Contact], rays: Sequence[PairRays], azimuth: float, friction: float
-) -> Row:
+def detailed_tilt_row(graph: PartsGraph, rays: Sequence[PairRays], azimuth: float, friction: float) -> Row:
     """Return the same with contact points that are chosen for this azimuth."""
-    return asdict(detailed_tilt(assembly, contacts, rays, azimuth, friction))
+    return asdict(detailed_tilt(graph, rays, azimuth, friction))
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +57,7 @@ class Carried:
 
 
 def insertion_rows(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
+    graph: PartsGraph,
     ask: Questions,
     resting: ContactModel | Carried | None,
     cone: InsertionCone,
@@ -73,10 +68,10 @@ def insertion_rows(
 ) -> Row:
     """Return the insertions of one part in one scene: along the ways `tried`, and off their place by `errors`."""
     if isinstance(resting, Carried):
-        resting = holding_model(assembly, contacts, resting.rays, resting.state, ask.friction)
+        resting = holding_model(graph, resting.rays, resting.state, ask.friction)
     ready = insertion_scene(
-        assembly,
-        contacts,
+        graph.assembly,
+        graph.contacts,
         cone,
         resting=resting,
         clearance=clearance,

@@ -37,6 +37,7 @@ def run(args: argparse.Namespace) -> int:
     from mocca_robot.cli import input_findings, understood
     from mocca_robot.contacts.find import find_contacts, require_sound
     from mocca_robot.files.output import writable_folder
+    from mocca_robot.motion.parts_graph import PartsGraph
 
     further: dict[str, Any] = {}
     if args.friction is not None:
@@ -56,18 +57,19 @@ def run(args: argparse.Namespace) -> int:
     picture = None
     with console.stage("contacts"):
         report = find_contacts(config.assembly)
-    for line in understood.lines(config, report):
+        graph = PartsGraph.of(config.assembly, report.contacts, config.insertion)
+    for line in understood.lines(config, graph):
         console.say(line)
     if args.picture is not None:
         with console.stage("picture"):
-            picture = understood.write_picture(Path(args.picture), config.assembly, report.contacts)
+            picture = understood.write_picture(Path(args.picture), graph)
         console.say(f"picture: {picture}")
     require_sound(config.assembly, report)
-    suspicions = understood.suspicions(config.assembly, report.contacts)
+    suspicions = understood.suspicions(graph)
     for line in suspicions:
         console.warn(f"suspicious: {line}")
     with console.stage("statics"):
-        found = input_findings.checkup(config, report, args.key, azimuths)
+        found = input_findings.checkup(graph, report.near_misses, config.friction, args.key, azimuths)
     for line in input_findings.lines(found, built=stored_design(Path(args.input)) is not None):
         console.say(line)
     console.say(console.times())

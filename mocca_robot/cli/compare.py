@@ -13,9 +13,9 @@ from mocca_robot.cli.exit_code import positive_if
 if TYPE_CHECKING:
     from mocca_robot.arrays import BoolArray
     from mocca_robot.assembly import Assembly
-    from mocca_robot.contacts.contact import Contact
     from mocca_robot.design import Insertion
     from mocca_robot.joints.joint import Joint
+    from mocca_robot.motion.parts_graph import PartsGraph
     from mocca_robot.report.comparison import Variant
     from mocca_robot.statics.cases import CaseVerdict
     from mocca_robot.verdicts.verification import Verification
@@ -121,18 +121,18 @@ def judged(joinery: JoinedParts) -> Variant:
     assembly = joinery.assembly
     directions = {i.part: i.direction for i in joinery.insertion}
     verification = verify(assembly, directions=directions)
-    contacts = verification.contacts
+    graph, contacts = verification.graph, verification.contacts
     held = np.array(assembly.fixed)
     for goal in assembly.goals:
         if isinstance(goal, Interlocking):
             held[assembly.index(goal.key)] = True
     keyed = bool((held & ~assembly.fixed).any())
     if keyed:
-        verification = replace(verification, cases=(*verification.cases, _key_held(assembly, contacts, held)))
+        verification = replace(verification, cases=(*verification.cases, _key_held(graph, held)))
     physics = stability(free_scene(assembly, contact_model(assembly, contacts), held=held))
-    tilt, physical = (None, None) if keyed else _weakest_tilt(assembly, contacts)
-    straight = insertion_verdicts(replace(assembly, alpha_rad=None), contacts, directions)
-    leaving = leaving_parts(assembly, contacts)
+    tilt, physical = (None, None) if keyed else _weakest_tilt(graph)
+    straight = insertion_verdicts(replace(graph, assembly=replace(assembly, alpha_rad=None)))
+    leaving = leaving_parts(graph)
     return Variant(
         name=joinery.name,
         assembly=assembly,
@@ -144,21 +144,19 @@ def judged(joinery: JoinedParts) -> Variant:
         physics_tilt_rad=physical,
         goes_in=all(i.alpha_rad > -1e-9 and not i.collides for i in straight),
         deadlocked=not leaving,
-        remarks=(*joinery.remarks, *_deadlock_remarks(assembly, verification, leaving)),
+        remarks=(*joinery.remarks, *_deadlock_remarks(verification, leaving)),
     )
 
 
-def _key_held(assembly: Assembly, contacts: tuple[Contact, ...], held: BoolArray) -> CaseVerdict:
-    import numpy as np
+def _key_held(graph: PartsGraph, held: BoolArray) -> CaseVerdict:
 
     from mocca_robot.statics.cases import solve_case
     from mocca_robot.statics.loads import LoadCase
 
-    present = np.ones(len(assembly.parts), dtype=np.bool_)
-    return solve_case(assembly, contacts, LoadCase("gravity_key_held", assembly.gravity, present, held))
+    return solve_case(graph, LoadCase("gravity_key_held", graph.assembly.gravity, graph.present, held))
 
 
-def _weakest_tilt(assembly: Assembly, contacts: tuple[Contact, ...]) -> tuple[float, float]:
+def _weakest_tilt(graph: PartsGraph) -> tuple[float, float]:
     """Return the smallest critical tilt over azimuths by statics, and MuJoCo's towards the same azimuth."""
     import numpy as np
 
@@ -167,19 +165,19 @@ def _weakest_tilt(assembly: Assembly, contacts: tuple[Contact, ...]) -> tuple[fl
     from sim.shapes.contact_model import contact_model
     from sim.tilt import physical_tilt, tilt_scene
 
-    azimuths = tilt_azimuths(assembly.dimension, 8)
-    tilts = critical_tilts(assembly, contacts, azimuths)
+    azimuths = tilt_azimuths(graph.assembly.dimension, 8)
+    tilts = critical_tilts(graph, azimuths)
     weakest = int(np.argmin(tilts))
-    scene = tilt_scene(assembly, contact_model(assembly, contacts))
-    return tilts[weakest], physical_tilt(scene, contacts, float(azimuths[weakest])).critical_rad
+    scene = tilt_scene(graph.assembly, contact_model(graph.assembly, graph.contacts))
+    return tilts[weakest], physical_tilt(scene, graph, float(azimuths[weakest])).critical_rad
 
 
-def _deadlock_remarks(assembly: Assembly, verification: Verification, leaving: tuple[str, ...]) -> tuple[str, ...]:
+def _deadlock_remarks(verification: Verification, leaving: tuple[str, ...]) -> tuple[str, ...]:
     from mocca_robot.statics.mobility import mobility
 
     if leaving:
         return ()
-    moving = mobility(assembly, verification.contacts).moving
+    moving = mobility(verification.graph).moving
     stuck = [i for i in verification.insertions if i.alpha_rad < -1e-9]
     remarks = ["Deadlocked: no part can leave while the others stay."]
     if moving:

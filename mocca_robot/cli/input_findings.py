@@ -11,10 +11,10 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Interlocking
 from mocca_robot.cli import reasons
 from mocca_robot.cli.reasons import NegativeVerdict
-from mocca_robot.config.config import Config
-from mocca_robot.contacts.contact import Contact, ContactReport
+from mocca_robot.contacts.contact import NearMiss
 from mocca_robot.errors import quoted
 from mocca_robot.motion.insertion import insertion_verdicts
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report.markup import plural
 from mocca_robot.statics.cases import CaseVerdict, critical_tilts, solve_case
 from mocca_robot.statics.loads import load_cases, state_cases, tilt_azimuths
@@ -27,7 +27,7 @@ class Checkup:
     """An assembly as it is.
 
     Attributes:
-        assembly, report: the input and its contacts.
+        graph, near_misses: the input with its contacts, and what nearly is one.
         friction: Coulomb coefficient of every verdict here.
         verification: the cases that the goals ask for, and every part's way in.
         states: every intermediate assembly.
@@ -38,8 +38,8 @@ class Checkup:
         findings: negative verdicts.
     """
 
-    assembly: Assembly
-    report: ContactReport
+    graph: PartsGraph
+    near_misses: tuple[NearMiss, ...]
     friction: float
     verification: Verification
     states: tuple[CaseVerdict, ...]
@@ -51,20 +51,21 @@ class Checkup:
     findings: tuple[NegativeVerdict, ...]
 
 
-def checkup(config: Config, report: ContactReport, key: str | None, azimuths: int) -> Checkup:
-    """Return everything that statics says about the configuration's assembly with its contacts as they are."""
-    assembly, contacts, friction = config.assembly, report.contacts, config.friction
+def checkup(
+    graph: PartsGraph, near_misses: tuple[NearMiss, ...], friction: float, key: str | None, azimuths: int
+) -> Checkup:
+    """Return everything that statics says about an assembly with its contacts as they are."""
+    assembly = graph.assembly
     keys = [g.key for g in assembly.goals if isinstance(g, Interlocking)]
     goals = assembly.goals if key is None or key in keys else (*assembly.goals, Interlocking(key))
     key = key or next(iter(keys), None)
-    cases = tuple(solve_case(assembly, contacts, case, friction) for case in load_cases(assembly, goals))
-    ways = dict(config.insertion)
-    verification = Verification(contacts, cases, insertion_verdicts(assembly, contacts, ways), part_overlap(assembly))
-    states = tuple(solve_case(assembly, contacts, case, friction) for case in state_cases(assembly))
+    cases = tuple(solve_case(graph, case, friction) for case in load_cases(graph, goals))
+    verification = Verification(graph, cases, insertion_verdicts(graph), part_overlap(assembly))
+    states = tuple(solve_case(graph, case, friction) for case in state_cases(graph))
     angles = tilt_azimuths(assembly.dimension, azimuths)
-    tilts = critical_tilts(assembly, contacts, angles, friction)
-    held = _held(assembly, contacts, key)
-    anything = mobility(assembly, contacts)
+    tilts = critical_tilts(graph, angles, friction)
+    held = _held(graph, key)
+    anything = mobility(graph)
     findings = reasons.statics_findings(assembly, verification)
     if key is not None and held is not None and not held.locked and not any(f.case == "interlocking" for f in findings):
         text = f"Does not interlock: with '{key}' held, {quoted(held.moving)} can still move."
@@ -72,8 +73,8 @@ def checkup(config: Config, report: ContactReport, key: str | None, azimuths: in
     if anything.locked:
         findings.append(reasons.deadlock_finding(assembly))
     return Checkup(
-        assembly=assembly,
-        report=report,
+        graph=graph,
+        near_misses=near_misses,
         friction=friction,
         verification=verification,
         states=states,
@@ -86,12 +87,12 @@ def checkup(config: Config, report: ContactReport, key: str | None, azimuths: in
     )
 
 
-def _held(assembly: Assembly, contacts: tuple[Contact, ...], key: str | None) -> Mobility | None:
+def _held(graph: PartsGraph, key: str | None) -> Mobility | None:
     """Return what moves while the interlocking load case holds what it holds: the key and the fixed parts."""
     if key is None:
         return None
-    (case,) = load_cases(assembly, (Interlocking(key),))
-    return mobility(assembly, contacts, case.held)
+    (case,) = load_cases(graph, (Interlocking(key),))
+    return mobility(graph, case.held)
 
 
 def lines(found: Checkup, built: bool = False) -> list[str]:
@@ -99,7 +100,7 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
 
     The flat contacts of an input bound what any joint could offer; those of a `built` design are joints already.
     """
-    assembly, contacts = found.assembly, found.report.contacts
+    assembly, contacts = found.graph.assembly, found.graph.contacts
     fixed = quoted([p.name for p in assembly.parts if p.fixed])
     mass = sum(p.mass for p in assembly.parts)
     out = [
@@ -107,7 +108,7 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
         f"{assembly.size:.3g} m in size; fixed: {fixed}",
         f"contacts: {len(contacts)} between {plural(len({c.parts for c in contacts}), 'pair')}",
     ]
-    for miss in found.report.near_misses:
+    for miss in found.near_misses:
         a, b = miss.parts
         out.append(
             f"near miss: '{a}' and '{b}' are {miss.gap_m * 1e3:.3g} mm apart; close the gap if they should touch"
@@ -142,15 +143,15 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
 def document(found: Checkup) -> dict[str, Any]:
     """Return the check-up for JSON."""
     return {
-        "name": found.assembly.name,
-        "dimension": found.assembly.dimension,
-        "parts": [{"name": p.name, "fixed": p.fixed, "mass_kg": p.mass} for p in found.assembly.parts],
-        "contacts": len(found.report.contacts),
-        "near_misses": [{"parts": list(m.parts), "gap_m": m.gap_m} for m in found.report.near_misses],
+        "name": found.graph.assembly.name,
+        "dimension": found.graph.assembly.dimension,
+        "parts": [{"name": p.name, "fixed": p.fixed, "mass_kg": p.mass} for p in found.graph.assembly.parts],
+        "contacts": len(found.graph.contacts),
+        "near_misses": [{"parts": list(m.parts), "gap_m": m.gap_m} for m in found.near_misses],
         "friction": found.friction,
         "cases": reasons.cases_data(found.verification.cases),
         "states": reasons.cases_data(found.states),
-        "needs_support": list(reasons.supports(found.assembly, found.states)),
+        "needs_support": list(reasons.supports(found.graph.assembly, found.states)),
         "tilt": [
             {"azimuth_deg": float(np.rad2deg(a)), "critical_deg": float(np.rad2deg(t))}
             for a, t in zip(found.azimuths, found.tilts)

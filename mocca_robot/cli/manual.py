@@ -13,9 +13,8 @@ from mocca_robot.cli.simulate import stored_design
 from mocca_robot.errors import InputError
 
 if TYPE_CHECKING:
-    from mocca_robot.config.config import Config
-    from mocca_robot.contacts.contact import Contact
     from mocca_robot.design import Insertion
+    from mocca_robot.motion.parts_graph import PartsGraph
 
 DESCRIPTION = """Writes one step per part: what stands already, the part in front of its seat, the way it goes in with
 its cone, what has to be held; and the bill of parts, in the manual and as bill.csv beside it. HTML prints well; a file
@@ -40,6 +39,7 @@ def run(args: argparse.Namespace) -> int:
     from mocca_robot.contacts.find import find_contacts, require_sound
     from mocca_robot.fabrication.bill import bill_csv
     from mocca_robot.files.output import safe_file_names, target_file, write_atomic
+    from mocca_robot.motion.parts_graph import PartsGraph
     from mocca_robot.report.manual import manual, write_manual
     from mocca_robot.statics.cases import solve_case
     from mocca_robot.statics.loads import state_cases
@@ -57,25 +57,23 @@ def run(args: argparse.Namespace) -> int:
         report = find_contacts(assembly)
         require_sound(assembly, report)
     with console.stage("statics"):
-        states = [solve_case(assembly, report.contacts, case, config.friction) for case in state_cases(assembly)]
+        graph = PartsGraph.of(assembly, report.contacts, config.insertion)
+        states = [solve_case(graph, case, config.friction) for case in state_cases(graph)]
     with console.stage("draw"):
-        what = manual(assembly, report.contacts, _ways(config, report.contacts, stored), states)
+        what = manual(graph, _ways(graph, stored), states)
         files = [write_manual(what, target), write_atomic(target.with_name("bill.csv"), bill_csv(assembly))]
     for file in files:
         console.say(str(file))
     return console.finish(ExitCode.POSITIVE, {"files": [str(f) for f in files], "steps": len(what.steps)})
 
 
-def _ways(config: Config, contacts: tuple[Contact, ...], stored: Path | None) -> tuple[Insertion, ...]:
+def _ways(graph: PartsGraph, stored: Path | None) -> tuple[Insertion, ...]:
     """Return how the parts go in: as the design says, else along the axis of what their contacts leave."""
     from mocca_robot.design import Insertion
     from mocca_robot.files.design_json import read_design
-    from mocca_robot.joints.joint import planar
-    from mocca_robot.motion.parts_graph import part_motions
 
     found = {i.part: i for i in read_design(stored).insertion} if stored else {}
-    for index, motion in part_motions(config.assembly, [planar(c) for c in contacts]).items():
-        name = config.assembly.parts[index].name
-        direction = config.insertion.get(name, -motion.axis)
-        found.setdefault(name, Insertion(name, direction, motion.alpha_rad))
+    for index, motion in graph.motions():
+        node = graph.placed(index)
+        found.setdefault(node.part.name, Insertion(node.part.name, node.direction, motion.alpha_rad))
     return tuple(found.values())

@@ -152,13 +152,14 @@ def _of_parts(
 
 def _searched(assembly: Assembly) -> list[str] | None:
     """Return free parts in an order in which all of them go in, the present one if it does, or None."""
-    from mocca_robot.contacts.find import find_contacts
     from mocca_robot.motion.insertion import insertion_verdicts
+    from mocca_robot.motion.parts_graph import PartsGraph
     from planners.order.sequence import find_sequence
 
-    if all(i.assemblable for i in insertion_verdicts(assembly, find_contacts(assembly).contacts, {})):
+    graph = PartsGraph.of(assembly)
+    if all(i.assemblable for i in insertion_verdicts(graph)):
         return [p.name for p in assembly.parts if not p.fixed]
-    found = find_sequence(assembly, find_contacts(assembly).contacts, states=300)
+    found = find_sequence(graph, states=300)
     return [p.part for p in found.placements] or None
 
 

@@ -38,6 +38,7 @@ def run(args: argparse.Namespace) -> int:
     from mocca_robot.contacts.find import find_contacts, require_sound
     from mocca_robot.files.assembly_json import write_assembly
     from mocca_robot.files.output import target_file
+    from mocca_robot.motion.parts_graph import PartsGraph
     from planners.order.sequence import find_sequence, reordered
 
     console = Console(args.json)
@@ -49,7 +50,10 @@ def run(args: argparse.Namespace) -> int:
     target = None if args.output is None else target_file(args.output, Path("assembly.json"))
     with console.stage("sequence"):
         found = find_sequence(
-            config.assembly, report.contacts, holders=args.holders, friction=config.friction, states=args.states
+            PartsGraph.of(config.assembly, report.contacts),
+            holders=args.holders,
+            friction=config.friction,
+            states=args.states,
         )
     for line in lines(found):
         console.say(line)

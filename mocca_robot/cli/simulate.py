@@ -107,15 +107,15 @@ def _film(assembly: Assembly, friction: float, path: Path) -> Path:
     """Return `path` after filming a platform that tilts 5° beyond the critical tilt by statics towards +x."""
     from math import pi, radians
 
-    from mocca_robot.contacts.find import find_contacts
+    from mocca_robot.motion.parts_graph import PartsGraph
     from mocca_robot.statics.cases import critical_tilt
     from sim.shapes.contact_model import contact_model
     from sim.show.film import platform_motion, write_film
     from sim.tilt import tilt_scene
 
-    contacts = find_contacts(assembly).contacts
-    compiled = tilt_scene(assembly, contact_model(assembly, contacts, friction), friction)
-    angle = min(pi / 2, critical_tilt(assembly, contacts, 0.0, friction) + radians(5.0))
+    graph = PartsGraph.of(assembly)
+    compiled = tilt_scene(assembly, contact_model(assembly, graph.contacts, friction), friction)
+    angle = min(pi / 2, critical_tilt(graph, 0.0, friction) + radians(5.0))
     return write_film(compiled.scene, platform_motion(compiled, 0.0, angle), path)
 
 

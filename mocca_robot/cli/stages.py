@@ -24,8 +24,7 @@ from mocca_robot.design import Design, Insertion
 from mocca_robot.errors import InputError
 from mocca_robot.files.design_json import StoredDesign, read_design, write_design
 from mocca_robot.files.stored_joints import joints_of
-from mocca_robot.joints.joint import planar
-from mocca_robot.motion.parts_graph import parts_graph
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report.summary import case_words
 from mocca_robot.statics.cases import CaseVerdict, solve_case
 from mocca_robot.statics.loads import state_cases
@@ -80,8 +79,6 @@ def read_contacts(assembly: Assembly, console: Console) -> ContactReport:
     with console.stage("contacts"):
         report = find_contacts(assembly)
         require_sound(assembly, report)
-    with console.stage("parts graph"):
-        parts_graph(assembly, [planar(c) for c in report.contacts])
     return report
 
 
@@ -271,7 +268,7 @@ def judged(path: Path, console: Console) -> DesignOutcome:
 
 def judged_as_is(config: Config, contacts: ContactReport, console: Console) -> DesignOutcome:
     """Return the verdicts on an assembly without design; its joints are its contacts."""
-    joints = tuple(planar(c) for c in contacts.contacts)
+    joints = PartsGraph.of(config.assembly, contacts.contacts).joints
     ways = tuple(Insertion(part, way, 0.0) for part, way in config.insertion.items())
     with console.stage("verify"):
         return _judged(
@@ -304,12 +301,12 @@ def _judged(design: Design) -> DesignOutcome:
     directions = {i.part: i.direction for i in design.insertion}
     after = verify(design.assembly, directions=directions)
     before = after if design.source is design.assembly else verify(design.source)
-    states = tuple(solve_case(design.assembly, after.contacts, case) for case in state_cases(design.assembly))
+    states = tuple(solve_case(after.graph, case) for case in state_cases(after.graph))
     findings = reasons.statics_findings(design.assembly, after)
     if design.source is not design.assembly:
         findings += reasons.overlap_findings(design.assembly, after)
     # Whatever can be inserted last can also leave: only then is the question open.
-    if after.insertions and not after.insertions[-1].assemblable and mobility(design.assembly, after.contacts).locked:
+    if after.insertions and not after.insertions[-1].assemblable and mobility(after.graph).locked:
         findings.append(reasons.deadlock_finding(design.assembly))
     return DesignOutcome(design=design, before=before, after=after, states=states, findings=tuple(findings))
 

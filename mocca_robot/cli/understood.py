@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.assembly import Assembly
 from mocca_robot.config.config import Config
-from mocca_robot.contacts.contact import Contact, ContactReport
 from mocca_robot.errors import InputError
 from mocca_robot.fabrication.bill import size
+from mocca_robot.motion.parts_graph import PartsGraph
 
 FEW = 40
 """Up to so many parts each gets a line of its own."""
@@ -35,7 +34,7 @@ def plain_mass(kilograms: float) -> str:
     return f"{kilograms:.3g} kg" if kilograms >= 1.0 else f"{kilograms * 1e3:.3g} g"
 
 
-def lines(config: Config, report: ContactReport) -> list[str]:
+def lines(config: Config, graph: PartsGraph) -> list[str]:
     """Return what was understood, for people."""
     assembly = config.assembly
     extent = np.ptp(np.concatenate([p.shape.bounds for p in assembly.parts]), axis=0)
@@ -43,14 +42,10 @@ def lines(config: Config, report: ContactReport) -> list[str]:
     names = ("wide", "high") if assembly.dimension == 2 else ("x", "y", "z")
     out = [f"read: {config.source} in {config.unit}; {edges} ({' × '.join(names)})"]
     if len(assembly.parts) <= FEW:
-        touching: dict[int, set[int]] = {k: set() for k in range(len(assembly.parts))}
-        for i, j in (c.parts for c in report.contacts):
-            touching[i].add(j)
-            touching[j].add(i)
         for k, part in enumerate(assembly.parts):
             edges = " × ".join(plain_length(v) for v in size(part))
             fixed = ", fixed" if part.fixed else ""
-            touches = ", ".join(assembly.parts[n].name for n in sorted(touching[k])) or "nothing"
+            touches = ", ".join(assembly.parts[n].name for n in graph.neighbours(k)) or "nothing"
             out.append(f"{k + 1:3}  {part.name}: {edges}, {plain_mass(part.mass)}{fixed}; touches {touches}")
     else:
         shown = [p.name for p in assembly.parts[:FEW]]
@@ -58,8 +53,9 @@ def lines(config: Config, report: ContactReport) -> list[str]:
     return out
 
 
-def suspicions(assembly: Assembly, contacts: tuple[Contact, ...]) -> list[str]:
+def suspicions(graph: PartsGraph) -> list[str]:
     """Return what is sound but more often a slip than meant."""
+    assembly, contacts = graph.assembly, graph.contacts
     out = []
     for part in assembly.parts:
         if not DENSITIES[0] <= part.density <= DENSITIES[1]:
@@ -98,7 +94,7 @@ def document(config: Config) -> dict[str, Any]:
     }
 
 
-def write_picture(path: Path, assembly: Assembly, contacts: tuple[Contact, ...]) -> Path:
+def write_picture(path: Path, graph: PartsGraph) -> Path:
     """Return `path` after drawing the parts there, .svg or .png. Raises InputError for other endings."""
     from mocca_robot.files.output import write_atomic
     from mocca_robot.report.figures import stand_alone
@@ -106,12 +102,8 @@ def write_picture(path: Path, assembly: Assembly, contacts: tuple[Contact, ...])
     from mocca_robot.report.pictures import Picture, draw, shared_view
     from mocca_robot.report.typeset import write_png
 
-    view = shared_view([assembly], 600.0)
-    svg = stand_alone(
-        draw(
-            Picture(assembly=assembly, contacts=contacts, colours=part_colours(assembly, contacts)), view, assembly.name
-        )
-    )
+    view = shared_view([graph.assembly], 600.0)
+    svg = stand_alone(draw(Picture(graph=graph, colours=part_colours(graph)), view, graph.assembly.name))
     if path.suffix.lower() == ".png":
         return write_png(svg, path)
     if path.suffix.lower() != ".svg":

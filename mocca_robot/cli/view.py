@@ -33,6 +33,7 @@ def run(args: argparse.Namespace) -> int:
     """Return 0 after writing the page, or when Ctrl-C ends the viewer."""
     from mocca_robot.contacts.find import find_contacts, require_sound
     from mocca_robot.files.output import writable_folder
+    from mocca_robot.motion.parts_graph import PartsGraph
     from sim.show.view import export_page, open_viewer, shown
 
     console = Console(args.json)
@@ -48,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
         open_native_viewer(config.assembly, report.contacts, config.simulate.friction)
         return console.finish(ExitCode.POSITIVE, {})
     with console.stage("view"):
-        what = shown(config.assembly, report.contacts, dict(config.insertion))
+        what = shown(PartsGraph.of(config.assembly, report.contacts, config.insertion))
         if args.export:
             path = export_page(what, Path(args.export))
             console.say(str(path))

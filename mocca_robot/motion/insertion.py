@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from mocca_robot.arrays import Array
-from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
-from mocca_robot.joints.joint import Joint, planar
-from mocca_robot.motion.parts_graph import PartMotion, part_motions
+from mocca_robot.motion.parts_graph import PartMotion, PartsGraph
 from mocca_robot.motion.sweep2d import free_half_angle_2d
 from mocca_robot.motion.ways_out import first_free, insertion_rim, spread_directions, sweep_blockers
 from mocca_robot.tolerances import ANGLE_ROUNDING_RAD
@@ -48,42 +45,33 @@ class InsertionVerdict:
         return wide_enough and not self.collides
 
 
-def insertion_verdicts(
-    assembly: Assembly, contacts: Sequence[Contact], directions: dict[str, Array]
-) -> tuple[InsertionVerdict, ...]:
-    """Return one verdict per free part: its cone, and a swept collision check along the axis and the rim."""
-    joints: list[Joint] = [planar(c) for c in contacts]
-    verdicts = []
-    for part, motion in part_motions(assembly, joints).items():
-        name = assembly.parts[part].name
-        alpha = motion.alpha_rad
-        axis = motion.axis
-        if name in directions and len(motion.normals):
-            axis = -directions[name]
-            alpha = _half_angle(motion, axis)
-        hit = (
-            sweep_blockers(assembly, part, insertion_rim(axis, assembly.alpha_rad or 0.0))
-            if alpha > -ANGLE_ROUNDING_RAD
-            else ()
-        )
-        if hit and name not in directions:
+def insertion_verdicts(graph: PartsGraph) -> tuple[InsertionVerdict, ...]:
+    """Return one verdict per free part: its cone, and a swept collision check along the axis and the rim.
+
+    The cone is about the direction that was chosen for the part; where none was, about the axis of its widest one.
+    """
+    assembly, verdicts = graph.assembly, []
+    for part, motion in graph.motions():
+        chosen = graph.placed(part).chosen
+        alpha, axis = motion.alpha_rad, motion.axis
+        if chosen is not None and len(motion.normals):
+            axis = -chosen
+            alpha = motion.room(axis)
+        rim = insertion_rim(axis, assembly.alpha_rad or 0.0)
+        hit = sweep_blockers(assembly, part, rim) if alpha > -ANGLE_ROUNDING_RAD else ()
+        if hit and chosen is None:
             # Others than those it touches bar the middle of its cone: another way may be free and wide enough.
             other = first_free(assembly, part, _other_ways(motion, assembly.alpha_rad or 0.0))
             if other is not None:
-                axis, alpha, hit = other, _half_angle(motion, other), ()
+                axis, alpha, hit = other, motion.room(other), ()
         if assembly.dimension == 2 and alpha > 0.0 and not hit:
             alpha = min(alpha, free_half_angle_2d(assembly, part, axis))
         narrow = alpha < (assembly.alpha_rad or 0.0) - ANGLE_ROUNDING_RAD
         blockers = {assembly.parts[b].name for b in motion.blockers} if narrow else set()
         blockers |= {assembly.parts[b].name for b in hit}
         ordered = tuple(n for n in assembly.sequence if n in blockers)
-        verdicts.append(InsertionVerdict(name, alpha, assembly.alpha_rad, ordered, bool(hit)))
+        verdicts.append(InsertionVerdict(assembly.parts[part].name, alpha, assembly.alpha_rad, ordered, bool(hit)))
     return tuple(verdicts)
-
-
-def _half_angle(motion: PartMotion, way_out: Array) -> float:
-    """Return the half-angle of the widest cone about a way out that the part's own contacts leave."""
-    return float(np.arcsin(np.clip((motion.normals @ way_out).min(initial=1.0), -1.0, 1.0)))
 
 
 def _other_ways(motion: PartMotion, least_rad: float) -> Iterator[Array]:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.frames import tangents
-from mocca_robot.joints.joint import planar
-from mocca_robot.motion.parts_graph import PartMotion, part_motions
+from mocca_robot.motion.parts_graph import PartMotion, PartsGraph
 from mocca_robot.motion.sweep2d import free_half_angle_2d, sweep_blockers_2d
 
 HALF_ANGLE_STEP = float(np.deg2rad(1.0))
@@ -20,9 +18,7 @@ RIM_INSET = float(np.deg2rad(0.25))
 """Cones that are tried end this far inside the limit that contacts set: exactly on it, rounding decides."""
 
 
-def ways_out(
-    assembly: Assembly, contacts: Sequence[Contact], *, room_rad: float = 0.0, samples: int = 600
-) -> dict[int, Array]:
+def ways_out(graph: PartsGraph, *, room_rad: float = 0.0, samples: int = 600) -> dict[int, Array]:
     """Return a unit direction (d,) per free part, by index, along which it leaves what was placed before it; a part
     that no tried direction frees is absent.
 
@@ -31,10 +27,11 @@ def ways_out(
     all contact normals keep n̂·x ≥ sin(α + `room_rad`). A direction is free when the sweep along it and along the
     rim of K(x, α) hits nothing. Insertion runs along −x.
     """
+    assembly = graph.assembly
     alpha = assembly.alpha_rad or 0.0
     spread = spread_directions(assembly.dimension, samples)
     found: dict[int, Array] = {}
-    for part, motion in part_motions(assembly, [planar(c) for c in contacts]).items():
+    for part, motion in graph.motions():
         tried = (*([motion.axis] if motion.alpha_rad >= alpha else []), *roomiest(spread, motion, alpha + room_rad))
         way = first_free(assembly, part, tried)
         if way is not None:

@@ -71,7 +71,7 @@ def comparison_page(title: str, variants: Sequence[Variant]) -> str:
 def _panels(variants: Sequence[Variant]) -> str:
     view = pictures.shared_view([v.assembly for v in variants])
     wide = pictures.shared_view([v.assembly for v in variants], apart=APART)
-    colours = part_colours(variants[0].assembly, variants[0].verification.contacts)
+    colours = part_colours(variants[0].verification.graph)
     panels = []
     for variant in variants:
         checked, flat = variant.verification, variant.assembly.dimension == 2
@@ -79,8 +79,7 @@ def _panels(variants: Sequence[Variant]) -> str:
         shown = (fallen or list(checked.cases))[:1]
         joints, insertion = (variant.joints, variant.insertion) if flat else ((), ())
         picture = Picture(
-            assembly=variant.assembly,
-            contacts=checked.contacts,
+            graph=checked.graph,
             colours=colours,
             cases=shown,
             joints=joints,
@@ -89,7 +88,7 @@ def _panels(variants: Sequence[Variant]) -> str:
         )
         drawn = pictures.draw(picture, view, f"{variant.assembly.name}, {variant.name}")
         if not flat:
-            opened = Picture(assembly=variant.assembly, contacts=checked.contacts, colours=colours, apart=APART)
+            opened = Picture(graph=checked.graph, colours=colours, apart=APART)
             drawn += pictures.draw(opened, wide, f"{variant.assembly.name}, {variant.name}, taken apart")
         remarks = "".join(f"<p>{esc(r)}</p>" for r in variant.remarks)
         caption = f"<b>{esc(variant.name)}</b> {_stands(variant)}{remarks}"

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
 
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.design import Design
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import CaseVerdict, critical_tilt, solve_case
 from mocca_robot.statics.loads import state_cases, tilt_azimuths
 from mocca_robot.verdicts.physics import Simulation
@@ -75,10 +75,9 @@ def collect(
     before = before or verify(design.source, friction=friction)
     after = after or verify(design.assembly, friction=friction, directions=directions)
     if states is None:
-        cases = state_cases(design.assembly)
-        states = [solve_case(design.assembly, after.contacts, case, friction) for case in cases]
+        states = [solve_case(after.graph, case, friction) for case in state_cases(after.graph)]
     if tilts is None:
-        tilts = statics_tilts(design, before.contacts, after.contacts, azimuths, friction)
+        tilts = statics_tilts(before.graph, after.graph, azimuths, friction)
     return ReportData(
         design=design,
         before=before,
@@ -92,18 +91,16 @@ def collect(
     )
 
 
-def statics_tilts(
-    design: Design, before: Sequence[Contact], after: Sequence[Contact], azimuths: int = 8, friction: float = 0.0
-) -> tuple[Tilt, ...]:
+def statics_tilts(before: PartsGraph, after: PartsGraph, azimuths: int = 8, friction: float = 0.0) -> tuple[Tilt, ...]:
     """Return the critical tilt of the input and of the result towards each azimuth."""
     return tuple(
         Tilt(
             float(azimuth),
-            critical_tilt(design.assembly, after, float(azimuth), friction),
-            critical_tilt(design.source, before, float(azimuth), friction),
+            critical_tilt(after, float(azimuth), friction),
+            critical_tilt(before, float(azimuth), friction),
             friction,
         )
-        for azimuth in tilt_azimuths(design.assembly.dimension, azimuths)
+        for azimuth in tilt_azimuths(after.assembly.dimension, azimuths)
     )
 
 

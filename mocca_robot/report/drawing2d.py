@@ -15,6 +15,7 @@ from mocca_robot.design import Insertion
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.geometry.polygons import to_shapely
 from mocca_robot.joints.joint import Joint, contact_rays
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report.markup import degrees, esc, point_list, px
 from mocca_robot.report.palette import fills
 from mocca_robot.statics.cases import CaseVerdict
@@ -169,9 +170,10 @@ def merged_forces(contacts: Sequence[Contact], forces: Array) -> tuple[IntArray,
     return pairs[first], points[first], summed
 
 
-def forces_layer(assembly: Assembly, contacts: Sequence[Contact], verdict: CaseVerdict, view: View) -> str:
+def forces_layer(graph: PartsGraph, verdict: CaseVerdict, view: View) -> str:
     """Return the contact forces on the later part of each pair, arrow length ∝ √force; below 0.1 % left out."""
-    pairs, points, vectors = merged_forces(contacts, np.nan_to_num(verdict.result.forces))
+    assembly = graph.assembly
+    pairs, points, vectors = merged_forces(graph.contacts, np.nan_to_num(verdict.result.forces))
     sizes = np.linalg.norm(vectors, axis=1)
     largest = float(sizes.max(initial=0.0))
     drawn = []
@@ -216,16 +218,6 @@ def collapse_layer(assembly: Assembly, verdict: CaseVerdict, view: View) -> str:
     return f'<g class="layer collapse">{"".join(drawn)}</g>'
 
 
-def way_out_normals(assembly: Assembly, contacts: Sequence[Contact]) -> dict[int, Array]:
-    """Return for each free part the normals (m, d) of its contacts with earlier parts: V_j = {x : normals·x ≥ 0}."""
-    found: dict[int, list[Array]] = {p: [] for p in range(len(assembly.parts)) if not assembly.fixed[p]}
-    for contact in contacts:
-        if contact.parts[1] in found:
-            found[contact.parts[1]].append(contact.normal)
-    d = assembly.dimension
-    return {p: np.array(n).reshape(-1, d) for p, n in found.items()}
-
-
 def free_interval(normals: Array, axis: Array) -> tuple[float, float] | None:
     """Return the angles (lowest, highest) about unit `axis` (2,) of the directions x with normals·x ≥ 0, or None."""
     if len(normals) == 0:
@@ -251,9 +243,9 @@ def wedge(centre: Array, axis: Array, low: float, high: float, radius: float, cl
     return f'<polygon class="{cls}" points="{point_list(outline)}"><title>{esc(title)}</title></polygon>'
 
 
-def cones_layer(assembly: Assembly, contacts: Sequence[Contact], insertions: Sequence[Insertion], view: View) -> str:
+def cones_layer(graph: PartsGraph, insertions: Sequence[Insertion], view: View) -> str:
     """Return each part's motion cone V_j at its centroid, the required K(−d, α) in it, and the way in as an arrow."""
-    normals = way_out_normals(assembly, contacts)
+    assembly = graph.assembly
     alpha = assembly.alpha_rad or 0.0
     radius = wedge_reach(len(insertions)) * assembly.size * view.scale
     drawn = []
@@ -261,7 +253,7 @@ def cones_layer(assembly: Assembly, contacts: Sequence[Contact], insertions: Seq
         part = assembly.index(insertion.part)
         axis = -np.asarray(insertion.direction)
         centre = view(assembly.parts[part].centroid)[0]
-        free = free_interval(normals.get(part, np.zeros((0, 2))), axis)
+        free = free_interval(graph.motion(part).normals, axis)
         name = insertion.part
         if free is not None:
             drawn.append(wedge(centre, axis, *free, radius, "cone", f"{name} can leave within this cone"))

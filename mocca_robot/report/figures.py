@@ -21,15 +21,12 @@ from mocca_robot.report.tilt_plots import TiltSeries, tilt_plot
 def design_figure(data: ReportData) -> str:
     """Return input and result side by side as one SVG: collapse motion where it falls, contact forces where not."""
     source, built = data.design.source, data.design.assembly
-    colours = part_colours(built, data.after.contacts)
+    colours = part_colours(data.after.graph)
     view = pictures.shared_view([source, built], 420.0)
     joints = data.design.joints if built.dimension == 2 else ()
-    left = Picture(
-        assembly=source, contacts=data.before.contacts, colours=colours, cases=data.before.cases[:1], names=False
-    )
+    left = Picture(graph=data.before.graph, colours=colours, cases=data.before.cases[:1], names=False)
     right = Picture(
-        assembly=built,
-        contacts=data.after.contacts,
+        graph=data.after.graph,
         colours=colours,
         cases=data.after.cases[:1],
         joints=joints,
@@ -44,8 +41,8 @@ def collapse_figure(data: ReportData) -> str:
     source = data.design.source
     view = pictures.shared_view([source], 420.0)
     cases = sorted(data.before.cases, key=lambda c: -float(np.nan_to_num(c.result.infeasibility)))[:1]
-    colours = part_colours(source, data.before.contacts)
-    picture = Picture(assembly=source, contacts=data.before.contacts, colours=colours, cases=cases)
+    colours = part_colours(data.before.graph)
+    picture = Picture(graph=data.before.graph, colours=colours, cases=cases)
     return stand_alone(pictures.draw(picture, view, f"{source.name}: collapse motion"))
 
 
@@ -53,10 +50,8 @@ def cones_figure(data: ReportData) -> str:
     """Return a flat result with its parts' motion cones and insertion directions as SVG."""
     built = data.design.assembly
     view = pictures.shared_view([built], 420.0)
-    colours = part_colours(built, data.after.contacts)
-    picture = Picture(
-        assembly=built, contacts=data.after.contacts, colours=colours, insertions=data.design.insertion, names=False
-    )
+    colours = part_colours(data.after.graph)
+    picture = Picture(graph=data.after.graph, colours=colours, insertions=data.design.insertion, names=False)
     return stand_alone(pictures.draw(picture, view, f"{built.name}: motion cones"))
 
 
@@ -66,7 +61,7 @@ def film_figure(data: ReportData) -> str:
     ways = {i.part: i.direction for i in data.design.insertion}
     stands = all(c.result.stands for c in data.after.cases if c.case.gravity is not None)
     shot = Shot(assembly=built, title=built.name, ways=ways, stands=stands)
-    return stand_alone(film([shot], part_colours(built, data.after.contacts), 420.0))
+    return stand_alone(film([shot], part_colours(data.after.graph), 420.0))
 
 
 def tilt_figure(data: ReportData) -> str | None:

@@ -12,11 +12,11 @@ import shapely
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Mesh, Polygon
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.design import Insertion
 from mocca_robot.fabrication.bill import bill, size
 from mocca_robot.files.output import write_atomic
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report import drawing2d, drawing3d, raster
 from mocca_robot.report.drawing2d import View
 from mocca_robot.report.figures import stand_alone
@@ -53,25 +53,23 @@ class Manual:
     rows: tuple[tuple[str, ...], ...]
 
 
-def manual(
-    assembly: Assembly, contacts: Sequence[Contact], ways: Sequence[Insertion], states: Sequence[CaseVerdict]
-) -> Manual:
+def manual(graph: PartsGraph, ways: Sequence[Insertion], states: Sequence[CaseVerdict]) -> Manual:
     """Return the manual of an assembly in the order of its sequence.
 
-    `contacts` tell what a part comes to touch, `ways` how each free part goes in, `states` (one per free part, see
+    The graph tells what a part comes to touch, `ways` how each free part goes in, `states` (one per free part, see
     `state_cases`) what falls meanwhile and has to be held.
     """
+    assembly = graph.assembly
     by_part = {w.part: w for w in ways}
     falls = {s.case.name.removeprefix("state_"): s for s in states}
     view = _view(assembly, by_part)
-    free = [k for k, p in enumerate(assembly.parts) if not p.fixed]
     ground = [k for k, p in enumerate(assembly.parts) if p.fixed]
     steps = []
-    for k in free:
+    for k in graph.free:
         part = assembly.parts[k]
         way = by_part.get(part.name)
-        touches = sorted({i if j == k else j for i, j in (c.parts for c in contacts) if k in (i, j) and min(i, j) != k})
-        words = _words(assembly, k, way, touches, falls.get(part.name), last=k == free[-1])
+        touches = graph.neighbours_before(k)
+        words = _words(assembly, k, way, touches, falls.get(part.name), last=k == graph.free[-1])
         label = f"step {k + 1}: {part.name}"
         steps.append(
             ManualStep(k + 1, part.name, _picture(assembly, list(range(k)), k, way, view, label), tuple(words))

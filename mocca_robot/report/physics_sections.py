@@ -8,7 +8,6 @@ import numpy as np
 
 from mocca_robot.report.cone_plots import direction_map
 from mocca_robot.report.data import ReportData
-from mocca_robot.report.drawing2d import way_out_normals
 from mocca_robot.report.markup import badge, degrees, esc, listed, significant, table
 from mocca_robot.report.sections import section
 from mocca_robot.report.summary import asked_tilt
@@ -97,12 +96,11 @@ def _maps(data: ReportData, simulated: Mapping[str, PartInsertion]) -> str:
     assembly = data.design.assembly
     if assembly.dimension == 2:
         return ""
-    normals = way_out_normals(assembly, data.after.contacts)
     drawn = []
     for item in data.design.insertion:
         entry = simulated.get(item.part)
         plot = direction_map(
-            normals.get(assembly.index(item.part), np.zeros((0, 3))),
+            data.after.graph.motion(assembly.index(item.part)).normals,
             -np.asarray(item.direction),
             assembly.alpha_rad or 0.0,
             entry.trials if entry else (),

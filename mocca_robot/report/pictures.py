@@ -9,9 +9,9 @@ import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.design import Insertion
 from mocca_robot.joints.joint import Joint
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report import drawing2d, drawing3d
 from mocca_robot.report.drawing2d import View
 from mocca_robot.report.markup import esc
@@ -32,7 +32,7 @@ class Picture:
     """What a panel draws.
 
     Attributes:
-        assembly, contacts: the geometry; contacts place the forces.
+        graph: parts and contacts; these place the forces.
         colours: index per part, see `palette.part_colours`.
         cases: load cases whose forces (where it stands) or collapse motion (where not) are drawn; each in a group
             `data-case`, the first one visible.
@@ -42,8 +42,7 @@ class Picture:
         apart: how far solid parts are moved from each other, as a share of their distance from the middle.
     """
 
-    assembly: Assembly
-    contacts: Sequence[Contact]
+    graph: PartsGraph
     colours: Sequence[int]
     cases: Sequence[CaseVerdict] = ()
     joints: Sequence[Joint] = ()
@@ -62,36 +61,36 @@ def shared_view(assemblies: Sequence[Assembly], size_px: float = 460.0, apart: f
 
 def draw(picture: Picture, view: View, label: str, style: str = "") -> str:
     """Return the picture as an SVG element; `style` goes inside, for figures that stand alone."""
-    flat = picture.assembly.dimension == 2
+    flat = picture.graph.assembly.dimension == 2
     layers = [_solid(picture, view)] if not flat else [_flat(picture, view)]
     for number, verdict in enumerate(picture.cases):
         shown = "" if number == 0 else ' style="display:none"'
         layers.append(f'<g data-case="{esc(verdict.case.name)}"{shown}>{_case(picture, verdict, view)}</g>')
     if flat and picture.names:
-        layers.append(drawing2d.names_layer(picture.assembly, view))
+        layers.append(drawing2d.names_layer(picture.graph.assembly, view))
     return view.svg("\n".join(layers), label, "drawing", style)
 
 
 def _flat(picture: Picture, view: View) -> str:
-    layers = [drawing2d.parts_layer(picture.assembly, picture.colours, view)]
+    layers = [drawing2d.parts_layer(picture.graph.assembly, picture.colours, view)]
     if picture.joints:
-        layers.append(drawing2d.joints_layer(picture.assembly, picture.joints, view))
+        layers.append(drawing2d.joints_layer(picture.graph.assembly, picture.joints, view))
     if picture.insertions:
-        layers.append(drawing2d.cones_layer(picture.assembly, picture.contacts, picture.insertions, view))
+        layers.append(drawing2d.cones_layer(picture.graph, picture.insertions, view))
     return "\n".join(layers)
 
 
 def _solid(picture: Picture, view: View) -> str:
-    return drawing3d.solids_layer(picture.assembly, picture.colours, drawing3d.camera(), view, picture.apart)
+    return drawing3d.solids_layer(picture.graph.assembly, picture.colours, drawing3d.camera(), view, picture.apart)
 
 
 def _case(picture: Picture, verdict: CaseVerdict, view: View) -> str:
     if verdict.moving:
-        if picture.assembly.dimension == 2:
-            return drawing2d.collapse_layer(picture.assembly, verdict, view)
-        return drawing3d.collapse_layer_3d(picture.assembly, verdict, drawing3d.camera(), view)
-    if picture.assembly.dimension == 2 and verdict.result.stands:
-        return drawing2d.forces_layer(picture.assembly, picture.contacts, verdict, view)
+        if picture.graph.assembly.dimension == 2:
+            return drawing2d.collapse_layer(picture.graph.assembly, verdict, view)
+        return drawing3d.collapse_layer_3d(picture.graph.assembly, verdict, drawing3d.camera(), view)
+    if picture.graph.assembly.dimension == 2 and verdict.result.stands:
+        return drawing2d.forces_layer(picture.graph, verdict, view)
     return ""
 
 

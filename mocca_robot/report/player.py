@@ -94,7 +94,7 @@ def _table(found: tuple[State, ...]) -> str:
 
 def _stage_2d(data: ReportData, found: tuple[State, ...]) -> str:
     assembly = data.design.assembly
-    colours, classes = part_colours(assembly, data.after.contacts), fills()
+    colours, classes = part_colours(data.after.graph), fills()
     ways = {i.part: np.asarray(i.direction) for i in data.design.insertion}
     travel = {name: -APPROACH * assembly.size * way for name, way in ways.items()}
     reached = [drawing2d.corners(assembly)]

@@ -15,7 +15,7 @@ from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.report.cone_plots import free_reach, tangent_axes
 from mocca_robot.report.data import ReportData
-from mocca_robot.report.drawing2d import FORCE_REACH, merged_forces, way_out_normals, wedge_reach
+from mocca_robot.report.drawing2d import FORCE_REACH, merged_forces, wedge_reach
 from mocca_robot.report.drawing3d import displaced_3d
 from mocca_robot.report.findings import State
 from mocca_robot.report.palette import part_colours
@@ -32,7 +32,7 @@ def scene(data: ReportData, found: Sequence[State], approach: float) -> dict[str
     low, high = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
     order = {s.part: k for k, s in enumerate(found)}
     ways = {i.part: np.asarray(i.direction) for i in data.design.insertion}
-    colours = part_colours(built, data.after.contacts)
+    colours = part_colours(data.after.graph)
     parts = []
     for k, part in enumerate(built.parts):
         way = ways.get(part.name, np.array([0.0, 0.0, -1.0]))
@@ -105,14 +105,14 @@ def sharp_edges(mesh: Mesh) -> NDArray[np.int64]:
 def _cones(data: ReportData, asked: bool) -> Array:
     """Return line segments (m, 2, 3): at each centroid, apex to rim and around the rim of the cone."""
     assembly = data.design.assembly
-    normals = way_out_normals(assembly, data.after.contacts)
     azimuths = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     lines = []
     for item in data.design.insertion:
         part = assembly.index(item.part)
         out, apex = -np.asarray(item.direction), assembly.parts[part].centroid
         axes = tangent_axes(out)
-        lean = np.full(24, assembly.alpha_rad or 0.0) if asked else free_reach(normals[part], out, axes, azimuths)
+        normals = data.after.graph.motion(part).normals
+        lean = np.full(24, assembly.alpha_rad or 0.0) if asked else free_reach(normals, out, axes, azimuths)
         around = np.cos(azimuths)[:, None] * axes[0] + np.sin(azimuths)[:, None] * axes[1]
         length = assembly.size * wedge_reach(len(data.design.insertion)) * (1.4 if asked else 1.0)
         rim = apex + length * (np.cos(lean)[:, None] * out + np.sin(lean)[:, None] * around)

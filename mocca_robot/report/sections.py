@@ -31,21 +31,17 @@ def side_by_side(data: ReportData) -> str:
     """Return input and result at one scale, and a third panel: the motion cones in 2D, the parts apart in 3D."""
     source, built = data.design.source, data.design.assembly
     flat = built.dimension == 2
-    colours = part_colours(built, data.after.contacts)
+    colours = part_colours(data.after.graph)
     view = pictures.shared_view([source, built])
-    before = Picture(assembly=source, contacts=data.before.contacts, colours=colours, cases=data.before.cases)
+    before = Picture(graph=data.before.graph, colours=colours, cases=data.before.cases)
     joints = data.design.joints if flat else ()
-    after = Picture(
-        assembly=built, contacts=data.after.contacts, colours=colours, cases=data.after.cases, joints=joints
-    )
+    after = Picture(graph=data.after.graph, colours=colours, cases=data.after.cases, joints=joints)
     panels = [
         _panel(pictures.draw(before, view, f"{source.name} as handed in"), "Input", data.before.cases, flat),
         _panel(pictures.draw(after, view, f"{built.name} with joints"), "Result", data.after.cases, flat),
     ]
     if flat and data.design.insertion:
-        cones = Picture(
-            assembly=built, contacts=data.after.contacts, colours=colours, insertions=data.design.insertion, names=False
-        )
+        cones = Picture(graph=data.after.graph, colours=colours, insertions=data.design.insertion, names=False)
         words = (
             "<b>Ways in.</b> Pale wedge: every direction in which the part could leave what was placed before it "
             "(its motion cone). Blue wedge: the cone asked for. Arrow: how the part goes in."
@@ -54,7 +50,7 @@ def side_by_side(data: ReportData) -> str:
         panels.append(f"<figure>{drawn}<figcaption>{words}</figcaption></figure>")
     if not flat:
         wide = pictures.shared_view([built], apart=APART)
-        opened = Picture(assembly=built, contacts=data.after.contacts, colours=colours, apart=APART)
+        opened = Picture(graph=data.after.graph, colours=colours, apart=APART)
         words = f"<b>Taken apart.</b> Every part moved away from the middle, by {APART:.0%} of its distance."
         drawn = pictures.draw(opened, wide, f"{built.name}, taken apart")
         panels.append(f"<figure>{drawn}<figcaption>{words}</figcaption></figure>")
@@ -171,7 +167,7 @@ def _direction(vector: Array) -> str:
 def parts(data: ReportData) -> str:
     """Return the parts' table: mass, centroid, way in and cone."""
     assembly = data.design.assembly
-    colours, classes = part_colours(assembly, data.after.contacts), fills()
+    colours, classes = part_colours(data.after.graph), fills()
     ways = {i.part: i for i in data.design.insertion}
     free = {i.part: i for i in data.after.insertions}
     rows = []

@@ -11,8 +11,8 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.joint import contact_rays, spanning_rays
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.executors import mapped
 from mocca_robot.statics.equilibrium import equilibrium
 from mocca_robot.statics.loads import LoadCase, case_wrenches, tilted_gravity
@@ -30,58 +30,54 @@ class CaseVerdict:
     moving: tuple[str, ...]
 
 
-def solve_case(assembly: Assembly, contacts: Sequence[Contact], case: LoadCase, friction: float = 0.0) -> CaseVerdict:
-    """Return the equilibrium of one load case from the facets of `contacts`, with the parts that move.
+def solve_case(graph: PartsGraph, case: LoadCase, friction: float = 0.0) -> CaseVerdict:
+    """Return the equilibrium of one load case from the facets of all contacts, with the parts that move.
 
     Contact forces come back one per corner of every contact, zero where a part is absent, or, without friction, where
     other corners can exert the same forces.
     """
     if friction == 0.0:
-        system, there = _system(assembly, tuple(contacts), case.present.tobytes(), case.free.tobytes())
-        result = solve_system(system, system.scaled(case_wrenches(case, assembly, contacts)))
+        system, there = _system(graph, case.present.tobytes(), case.free.tobytes())
+        result = solve_system(system, system.scaled(case_wrenches(case, graph)))
     else:
-        pairs, points, normals = contact_rays(contacts)
+        pairs, points, normals = contact_rays(graph.contacts)
         there = np.asarray(case.present[pairs].all(axis=1))
-        result = solve_rays(assembly, contacts, case, (pairs[there], points[there], normals[there]), friction)
+        result = solve_rays(graph, case, (pairs[there], points[there], normals[there]), friction)
     forces = np.zeros((len(there), *result.forces.shape[1:]))
     forces[there] = result.forces
     full = EquilibriumResult(result.status, result.infeasibility, forces, result.motions, result.kkt)
-    return CaseVerdict(case, full, () if result.stands else moving_parts(assembly, result.motions))
+    return CaseVerdict(case, full, () if result.stands else moving_parts(graph.assembly, result.motions))
 
 
 @lru_cache(maxsize=4)
-def _system(
-    assembly: Assembly, contacts: tuple[Contact, ...], present: bytes, free: bytes
-) -> tuple[ContactSystem, BoolArray]:
+def _system(graph: PartsGraph, present: bytes, free: bytes) -> tuple[ContactSystem, BoolArray]:
     """Return what all loads on the same parts have in common, and which of all contact rays (C,) it has.
 
     `present` and `free` are masks (N,) as bytes.
     """
-    whole = _whole_system(assembly, contacts)
-    there = spanning_rays(contacts) & np.frombuffer(present, dtype=np.bool_)[whole.pairs].all(axis=1)
+    whole = _whole_system(graph)
+    there = spanning_rays(graph.contacts) & np.frombuffer(present, dtype=np.bool_)[whole.pairs].all(axis=1)
     return whole.subset(there).holding(np.frombuffer(free, dtype=np.bool_)), there
 
 
 @lru_cache(maxsize=4)
-def _whole_system(assembly: Assembly, contacts: tuple[Contact, ...]) -> ContactSystem:
+def _whole_system(graph: PartsGraph) -> ContactSystem:
+    assembly = graph.assembly
     about = np.array([p.centroid for p in assembly.parts])
-    return ContactSystem.build(*contact_rays(contacts), ~assembly.fixed, about, assembly.size / 2)
+    return ContactSystem.build(*contact_rays(graph.contacts), ~assembly.fixed, about, assembly.size / 2)
 
 
 def solve_rays(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
-    case: LoadCase,
-    rays: tuple[IntArray, Array, Array],
-    friction: float = 0.0,
+    graph: PartsGraph, case: LoadCase, rays: tuple[IntArray, Array, Array], friction: float = 0.0
 ) -> EquilibriumResult:
     """Return the equilibrium of one load case on `rays` alone: pairs (C, 2), points (C, d) and normals (C, d).
 
-    Motions are about the parts' centroids. `contacts` tell which pairs an interlocking case pushes apart.
+    Motions are about the parts' centroids. The graph's contacts tell which pairs an interlocking case pushes apart.
     """
+    assembly = graph.assembly
     result = equilibrium(
         *rays,
-        case_wrenches(case, assembly, contacts),
+        case_wrenches(case, graph),
         fixed=~case.free,
         friction=friction,
         about=np.array([p.centroid for p in assembly.parts]),
@@ -92,25 +88,20 @@ def solve_rays(
 
 
 def solve_cases_on(
-    executor: Executor | None,
-    assembly: Assembly,
-    contacts: Sequence[Contact],
-    cases: Sequence[LoadCase],
-    friction: float = 0.0,
+    executor: Executor | None, graph: PartsGraph, cases: Sequence[LoadCase], friction: float = 0.0
 ) -> tuple[CaseVerdict, ...]:
     """Return `solve_case` of every case, in order, each computed on `executor`; here when there is none."""
-    return tuple(mapped(executor, partial(solve_case, assembly, contacts, friction=friction), cases))
+    return tuple(mapped(executor, partial(solve_case, graph, friction=friction), cases))
 
 
 def critical_tilts(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
+    graph: PartsGraph,
     azimuths_rad: Sequence[float] | Array,
     friction: float = 0.0,
     executor: Executor | None = None,
 ) -> tuple[float, ...]:
     """Return `critical_tilt` towards every azimuth, in order, each computed on `executor`; here when there is none."""
-    one = partial(critical_tilt, assembly, contacts, friction=friction)
+    one = partial(critical_tilt, graph, friction=friction)
     return tuple(mapped(executor, one, [float(a) for a in azimuths_rad]))
 
 
@@ -122,20 +113,21 @@ def moving_parts(assembly: Assembly, motions: Array) -> tuple[str, ...]:
     return tuple(p.name for p, s in zip(assembly.parts, speed) if s > 0.01 * speed.max(initial=0.0) > 0)
 
 
-def critical_tilt(assembly: Assembly, contacts: Sequence[Contact], azimuth_rad: float, friction: float = 0.0) -> float:
+def critical_tilt(graph: PartsGraph, azimuth_rad: float, friction: float = 0.0) -> float:
     """Return the largest tilt (radians, at most π/2) towards an azimuth at which the structure stands.
 
     Zero when it does not stand upright either. See `mocca_robot.statics.tilt` for the method, with and without
     friction.
     """
+    assembly = graph.assembly
     down = case_at(assembly, 0.0, azimuth_rad)
-    if not solve_case(assembly, contacts, down, friction).result.stands:
+    if not solve_case(graph, down, friction).result.stands:
         return 0.0
     masses = np.array([p.mass for p in assembly.parts])
     level = tilted_gravity(assembly.gravity, np.pi / 2, azimuth_rad)
 
     def solve(angle_rad: float) -> EquilibriumResult:
-        return solve_case(assembly, contacts, case_at(assembly, angle_rad, azimuth_rad), friction).result
+        return solve_case(graph, case_at(assembly, angle_rad, azimuth_rad), friction).result
 
     return critical_angle(solve, masses, assembly.gravity, level)[0]
 

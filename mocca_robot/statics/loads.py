@@ -9,9 +9,9 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray, read_only
 from mocca_robot.assembly import Assembly, Equilibrium, Goal, Interlocking, Lateral, SupportFree
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.cones import cross
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.motion.parts_graph import PartsGraph
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +54,13 @@ def tilted_gravity(gravity: Array, angle_rad: float, azimuth_rad: float = 0.0) -
     return np.asarray(g * (np.cos(angle_rad) * down + np.sin(angle_rad) * side))
 
 
-def load_cases(assembly: Assembly, goals: Sequence[Goal] | None = None) -> tuple[LoadCase, ...]:
+def load_cases(graph: PartsGraph, goals: Sequence[Goal] | None = None) -> tuple[LoadCase, ...]:
     """Return the load cases that `goals` (default: the assembly's own) ask for, gravity first.
 
     Support-free adds one case per intermediate state: 'state_X' is the assembly just after X was placed. The
     last state is 'gravity' itself.
     """
+    assembly = graph.assembly
     goals = assembly.goals if goals is None else goals
     n = len(assembly.parts)
     everything = np.ones(n, dtype=np.bool_)
@@ -69,7 +70,7 @@ def load_cases(assembly: Assembly, goals: Sequence[Goal] | None = None) -> tuple
         cases.append(LoadCase("gravity", assembly.gravity, everything, fixed))
     for goal in goals:
         if isinstance(goal, SupportFree):
-            cases.extend(state_cases(assembly)[:-1])
+            cases.extend(state_cases(graph)[:-1])
         elif isinstance(goal, Lateral):
             for azimuth in tilt_azimuths(assembly.dimension, goal.azimuths):
                 g = tilted_gravity(assembly.gravity, goal.angle_rad, azimuth)
@@ -82,15 +83,13 @@ def load_cases(assembly: Assembly, goals: Sequence[Goal] | None = None) -> tuple
     return tuple(cases)
 
 
-def state_cases(assembly: Assembly) -> tuple[LoadCase, ...]:
+def state_cases(graph: PartsGraph) -> tuple[LoadCase, ...]:
     """Return one gravity case per part placed after the fixed ones: the assembly as it stands just then."""
-    cases = []
-    for index, part in enumerate(assembly.parts):
-        if part.fixed:
-            continue
-        present = np.arange(len(assembly.parts)) <= index
-        cases.append(LoadCase(f"state_{part.name}", assembly.gravity, present, assembly.fixed))
-    return tuple(cases)
+    assembly = graph.assembly
+    return tuple(
+        LoadCase(f"state_{assembly.parts[part].name}", assembly.gravity, state.present, assembly.fixed)
+        for part, state in graph.states.items()
+    )
 
 
 def tilt_azimuths(dimension: int, count: int) -> Array:
@@ -107,18 +106,19 @@ def gravity_wrenches(assembly: Assembly, gravity: Array) -> Array:
     return np.concatenate([forces, cross(centroids, forces)], axis=1)
 
 
-def case_wrenches(case: LoadCase, assembly: Assembly, contacts: Sequence[Contact]) -> Array:
+def case_wrenches(case: LoadCase, graph: PartsGraph) -> Array:
     """Return (N, dof) external wrenches about the origin; zero on parts that are absent.
 
     Interlocking pushes P_i and P_j apart with a unit force along each contact's normal, at its centre, in units
     of the assembly's mean weight so that the numbers stay comparable with gravity.
     """
+    assembly = graph.assembly
     if case.gravity is not None:
         wrenches = gravity_wrenches(assembly, case.gravity)
     else:
         unit = float(np.mean([p.mass for p in assembly.parts]) * np.linalg.norm(assembly.gravity))
         wrenches = np.zeros((len(assembly.parts), assembly.dof))
-        for contact in contacts:
+        for contact in graph.contacts:
             i, j = contact.parts
             push = np.concatenate([contact.normal, cross(contact.centre, contact.normal)]) * unit
             wrenches[j] += push

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +9,9 @@ import scipy.sparse as sp
 from scipy.optimize import linprog
 
 from mocca_robot.arrays import Array, BoolArray
-from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import MoccaError
 from mocca_robot.joints.joint import MANY, contact_rays, spanning_rays
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import moving_parts
 from mocca_robot.statics.solver.solvers import SolverFailed
 from mocca_robot.statics.solver.system import ContactSystem
@@ -49,7 +47,7 @@ class Mobility:
         return not self.moving
 
 
-def mobility(assembly: Assembly, contacts: Sequence[Contact], held: BoolArray | None = None) -> Mobility:
+def mobility(graph: PartsGraph, held: BoolArray | None = None) -> Mobility:
     """Return a motion that the contacts allow while `held` (N,) parts (default: the fixed ones) stay, or none.
 
     Nothing moves exactly when B v ≥ 0 has the solution v = 0 only: no motion opens a contact (a linear program
@@ -57,13 +55,14 @@ def mobility(assembly: Assembly, contacts: Sequence[Contact], held: BoolArray | 
     First-order: a motion that is blocked only by curvature counts as free. Raises MoccaError when the program
     cannot be solved.
     """
+    assembly = graph.assembly
     fixed = assembly.fixed if held is None else held
     n, dof = len(assembly.parts), assembly.dof
     motions = np.zeros((n, dof))
     if fixed.all():
         return Mobility(motions, (), False)
-    spanning = spanning_rays(tuple(contacts))
-    pairs, points, normals = contact_rays(contacts)
+    spanning = spanning_rays(graph.contacts)
+    pairs, points, normals = contact_rays(graph.contacts)
     pairs, points, normals = pairs[spanning], points[spanning], normals[spanning]
     about = np.array([p.centroid for p in assembly.parts])
     length = assembly.size / 2
@@ -83,18 +82,18 @@ def mobility(assembly: Assembly, contacts: Sequence[Contact], held: BoolArray | 
     return Mobility(motions, moving_parts(assembly, motions), opens)
 
 
-def leaving_parts(assembly: Assembly, contacts: Sequence[Contact]) -> tuple[str, ...]:
+def leaving_parts(graph: PartsGraph) -> tuple[str, ...]:
     """Return the names of the free parts that can move while all others stay, in assembly order.
 
     When there are none, the structure is a deadlock for anybody who takes it apart, or puts it together, part by
     part; several parts at once may still move (see `mobility`).
     """
     names = []
-    for index, part in enumerate(assembly.parts):
-        mine = [c for c in contacts if index in c.parts]
-        others = np.arange(len(assembly.parts)) != index
-        if not part.fixed and (not mine or not mobility(assembly, mine, others).locked):
-            names.append(part.name)
+    for part in graph.free:
+        near = graph.around(part)
+        others = np.arange(len(graph.assembly.parts)) != part
+        if not near.contacts or not mobility(near, others).locked:
+            names.append(graph.assembly.parts[part].name)
     return tuple(names)
 
 

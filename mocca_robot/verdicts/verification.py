@@ -12,9 +12,9 @@ import shapely
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Goal, Mesh, Polygon
 from mocca_robot.contacts.contact import Contact
-from mocca_robot.contacts.find import find_contacts
 from mocca_robot.geometry.polygons import to_shapely
 from mocca_robot.motion.insertion import InsertionVerdict, insertion_verdicts
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import CaseVerdict, solve_cases_on
 from mocca_robot.statics.loads import load_cases
 
@@ -24,16 +24,21 @@ class Verification:
     """Everything statics and geometry say about an assembly as it stands.
 
     Attributes:
-        contacts: found anew from the geometry.
+        graph: the parts and their contacts, found anew from the geometry.
         cases: every load case that the goals ask for.
         insertions: one per free part, in assembly order.
         part_overlap: the largest overlap of two parts, as a share of the smaller one.
     """
 
-    contacts: tuple[Contact, ...]
+    graph: PartsGraph
     cases: tuple[CaseVerdict, ...]
     insertions: tuple[InsertionVerdict, ...]
     part_overlap: float
+
+    @property
+    def contacts(self) -> tuple[Contact, ...]:
+        """Return all contacts, in the order in which they were found."""
+        return self.graph.contacts
 
     @property
     def stands(self) -> bool:
@@ -59,11 +64,9 @@ def verify(
     `goals` default to the assembly's own; `directions` are insertion axes by part name, by default the axis of
     each part's widest cone. Load cases are solved on `executor`, or here.
     """
-    contacts = find_contacts(assembly).contacts
-    cases = solve_cases_on(executor, assembly, contacts, load_cases(assembly, goals), friction)
-    return Verification(
-        contacts, cases, insertion_verdicts(assembly, contacts, directions or {}), part_overlap(assembly)
-    )
+    graph = PartsGraph.of(assembly, insertion=directions)
+    cases = solve_cases_on(executor, graph, load_cases(graph, goals), friction)
+    return Verification(graph, cases, insertion_verdicts(graph), part_overlap(assembly))
 
 
 def part_overlap(assembly: Assembly) -> float:

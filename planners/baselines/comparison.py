@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact, ContactReport
+from mocca_robot.contacts.contact import ContactReport
 from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.design import Insertion
 from mocca_robot.joints.build import build_parts
-from mocca_robot.joints.joint import Joint, planar
+from mocca_robot.joints.joint import Joint
 from mocca_robot.joints.options import JointOptions
-from mocca_robot.motion.parts_graph import part_motions
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import ways_out
 from planners.baselines.tenons import tenons_along_exits, tilted_tenons, upright_tenons
 from planners.cone_joints.designer import Progress, design
@@ -58,14 +58,13 @@ def joineries(
     options = options or JointOptions()
     report = contacts or find_contacts(assembly)
     require_sound(assembly, report)
-    found = report.contacts
-    flat = tuple(planar(c) for c in found)
-    exits = _exits(assembly, found)
-    result = [Joinery("planar", assembly, flat, _insertions(assembly, flat, exits))]
+    graph = PartsGraph.of(assembly, report.contacts)
+    exits = _exits(graph)
+    result = [Joinery("planar", assembly, graph.joints, _insertions(graph, exits))]
     if assembly.dimension == 2:
-        result.append(_joined("single direction", assembly, tenons_along_exits(assembly, found, exits, options), exits))
+        result.append(_joined("single direction", assembly, tenons_along_exits(graph, exits, options), exits))
     else:
-        result.append(_joined("upright mortise and tenon", assembly, upright_tenons(assembly, found, options), exits))
+        result.append(_joined("upright mortise and tenon", assembly, upright_tenons(graph, options), exits))
     designed = design(assembly, options, contacts=report, progress=progress)
     done = designed.design
     remarks = () if designed.achieved else ("The design search did not reach every goal; this is where it ended.",)
@@ -77,25 +76,25 @@ def joineries(
     return tuple(result)
 
 
-def _exits(assembly: Assembly, contacts: Sequence[Contact]) -> dict[int, Array]:
+def _exits(graph: PartsGraph) -> dict[int, Array]:
     """Return a way out (d,) per free part: one that a sweep confirms, else the axis of its widest cone."""
-    free = ways_out(assembly, contacts, room_rad=float(np.deg2rad(5.0)))
-    motions = part_motions(assembly, [planar(c) for c in contacts])
-    return {part: free.get(part, motion.axis) for part, motion in motions.items()}
+    free = ways_out(graph, room_rad=float(np.deg2rad(5.0)))
+    return {part: free.get(part, motion.axis) for part, motion in graph.motions()}
 
 
 def _joined(name: str, assembly: Assembly, joints: tuple[Joint, ...], exits: Mapping[int, Array]) -> Joinery:
     kept = sum(j.is_planar for j in joints)
     remarks = (f"{kept} of {len(joints)} contacts stay planar.",) if kept else ()
-    return Joinery(name, build_parts(assembly, joints), joints, _insertions(assembly, joints, exits), remarks)
+    ways = _insertions(PartsGraph.joined(assembly, joints), exits)
+    return Joinery(name, build_parts(assembly, joints), joints, ways, remarks)
 
 
-def _insertions(assembly: Assembly, joints: Sequence[Joint], exits: Mapping[int, Array]) -> tuple[Insertion, ...]:
+def _insertions(graph: PartsGraph, exits: Mapping[int, Array]) -> tuple[Insertion, ...]:
     """Return the widest cone of every part that can leave what was placed before it, about its way out."""
     ways = []
-    for part, motion in part_motions(assembly, joints).items():
+    for part, motion in graph.motions():
         rooms = [float((motion.normals @ axis).min(initial=1.0)) for axis in (exits[part], motion.axis)]
         room, axis = max(rooms), (exits[part], motion.axis)[int(rooms[1] > rooms[0])]
         if room > -1e-9:
-            ways.append(Insertion(assembly.parts[part].name, -axis, float(np.arcsin(np.clip(room, 0.0, 1.0)))))
+            ways.append(Insertion(graph.assembly.parts[part].name, -axis, float(np.arcsin(np.clip(room, 0.0, 1.0)))))
     return tuple(ways)

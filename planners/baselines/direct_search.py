@@ -6,7 +6,6 @@ the project's own statics, so what it is slow or stuck at is the approach.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
@@ -19,15 +18,12 @@ from mocca_robot.contacts.contact import ContactReport
 from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
-from mocca_robot.motion.parts_graph import part_motions
-from mocca_robot.motion.ways_out import ways_out
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import load_cases
 from mocca_robot.tolerances import CASE_SOLVED
 from planners.cone_joints.descent import PENALTY_WEIGHT, evaluate, hinge_values, surface_of, violation_of
+from planners.cone_joints.designer import joint_shapes, start_axes
 from planners.cone_joints.energy import EnergyResult, Loads, joint_wrenches
-from planners.cone_joints.shapes import Shapes
-from planners.cone_joints.shapes2d import Shapes2D
-from planners.cone_joints.shapes3d import Shapes3D
 from planners.cone_joints.unknowns import JointParameters, JointProblem, UnknownsLayout
 
 Gradient = Literal["envelope", "finite differences"]
@@ -125,14 +121,11 @@ def planar_problem(
     report = contacts or find_contacts(assembly)
     require_sound(assembly, report)
     found = report.contacts
-    required = load_cases(assembly)
-    axis = _axes(assembly, report)
-    shapes: Shapes = (
-        Shapes2D.of(assembly, found, options)
-        if assembly.dimension == 2
-        else Shapes3D.of(assembly, found, options, axis)
-    )
-    loads = Loads.of(assembly, found, required)
+    graph = PartsGraph.of(assembly, found)
+    required = load_cases(graph)
+    axis = start_axes(graph)
+    shapes = joint_shapes(graph, options, axis)
+    loads = Loads.of(graph, required)
     turning = np.full(len(assembly.parts), assembly.dimension == 2 and assembly.alpha_rad is not None)
     pairs = np.array([c.parts for c in found])
     problem = JointProblem(
@@ -152,16 +145,6 @@ def searched(problem: JointProblem, parameters: JointParameters, evaluations: in
     )
     result = evaluate(problem, parameters)
     return DirectResult(joints, result.infeasibility, violation_of(problem, parameters), evaluations)
-
-
-def _axes(assembly: Assembly, report: ContactReport) -> Array:
-    """Return (N, d) a way out of each part, up where none is known."""
-    axis = np.zeros((len(assembly.parts), assembly.dimension))
-    axis[:, -1] = 1.0
-    free: Mapping[int, Array] = ways_out(assembly, report.contacts, room_rad=float(np.deg2rad(5.0)))
-    for part, motion in part_motions(assembly, [planar(c) for c in report.contacts]).items():
-        axis[part] = free.get(part, motion.axis)
-    return axis
 
 
 def _bounds(problem: JointProblem, layout: UnknownsLayout, start: JointParameters) -> list[tuple[float, float]]:

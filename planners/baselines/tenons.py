@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from mocca_robot.arrays import Array
-from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.bicubic import MAX_LEAN, Rectangles, largest_rectangle
 from mocca_robot.joints.clearance import height_limits
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.joints.tenon import tenon_joint, tenon_joint_2d, tenon_of
+from mocca_robot.motion.parts_graph import PartsGraph
 from planners.cone_joints.clearance2d import clearance_2d
 
 BREADTH = (0.3, 0.7)
@@ -25,20 +25,18 @@ UPRIGHT = 1.0 / np.sqrt(1.0 + MAX_LEAN**2)
 """Smallest u·n: a tenon along a contact would leave it sideways."""
 
 
-def tenons_along_exits(
-    assembly: Assembly, contacts: Sequence[Contact], exits: Mapping[int, Array], options: JointOptions
-) -> tuple[Joint, ...]:
+def tenons_along_exits(graph: PartsGraph, exits: Mapping[int, Array], options: JointOptions) -> tuple[Joint, ...]:
     """Return flat joints that let every part leave along its way out `exits[part]` (2,) and in no other way.
 
     Tenons are as high as the parts have room for, up to 0.35 of the contact's length. Contacts that are nearly
     parallel to the way out, or too tight for a tenon, stay planar.
     """
-    clearance = clearance_2d(assembly, contacts, options)
-    joints = [planar(c) for c in contacts]
+    clearance = clearance_2d(graph.assembly, graph.contacts, options)
+    joints = list(graph.joints)
     for share in (0.35, 0.25, 0.15, 0.08):
         for sign in (1.0, -1.0):
-            tried = [_flat_tenon(c, exits.get(c.parts[1]), sign * share) for c in contacts]
-            curves = np.array([_dense(t or planar(c)) for t, c in zip(tried, contacts)])
+            tried = [_flat_tenon(c, exits.get(c.parts[1]), sign * share) for c in graph.contacts]
+            curves = np.array([_dense(t or flat) for t, flat in zip(tried, graph.joints)])
             room = clearance.violation(curves).max(axis=1)
             joints = [t if j.is_planar and t and r <= 0.0 else j for j, t, r in zip(joints, tried, room)]
     return tuple(joints)
@@ -57,21 +55,26 @@ def _dense(joint: Joint) -> Array:
     return np.stack([np.interp(at, run, joint.vertices[:, k]) for k in range(2)], axis=1)
 
 
-def upright_tenons(assembly: Assembly, contacts: Sequence[Contact], options: JointOptions) -> tuple[Joint, ...]:
+def upright_tenons(graph: PartsGraph, options: JointOptions) -> tuple[Joint, ...]:
     """Return solid mortise-and-tenon joints along every contact's normal, where a rectangle fits.
 
     Their height is half of what a bump over the same rectangle has room for, at most half of its shorter side.
     """
+    contacts = graph.contacts
     margins = [max(options.margin * float(np.sqrt(c.measure)), options.min_distance) for c in contacts]
     found = [largest_rectangle(c, m) for c, m in zip(contacts, margins)]
     some = [e for e, r in enumerate(found) if r is not None]
     rectangles = [r for r in found if r is not None]
-    joints = [planar(c) for c in contacts]
+    joints = list(graph.joints)
     if not some:
         return tuple(joints)
     normals = np.array([contacts[e].normal for e in some])
     low, high = height_limits(
-        assembly, [contacts[e] for e in some], Rectangles.of(rectangles), normals, np.array([margins[e] for e in some])
+        graph.assembly,
+        [contacts[e] for e in some],
+        Rectangles.of(rectangles),
+        normals,
+        np.array([margins[e] for e in some]),
     )
     for k, e in enumerate(some):
         room = float(high[k] if high[k] >= -low[k] else low[k])

@@ -17,7 +17,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.joints.build import build_parts
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
-from mocca_robot.motion.parts_graph import PartMotion, part_motions
+from mocca_robot.motion.parts_graph import PartMotion, PartsGraph
 from mocca_robot.motion.ways_out import first_free, free_half_angle, roomiest, spread_directions, ways_out
 from mocca_robot.runtime.threads import with_one_blas_thread
 from mocca_robot.statics.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
@@ -104,14 +104,14 @@ def design(
     found = joint_contacts(assembly, report)
     if not found:
         raise InputError(f"'{assembly.name}' has no part that moves and touches another; there is nothing to design.")
-    required = load_cases(assembly)
-    motions = part_motions(assembly, [planar(c) for c in found])
-    given = np.zeros(len(assembly.parts), dtype=np.bool_)
-    given[[assembly.index(name) for name in insertion or {}]] = True
-    axis = _start_axes(assembly, found, motions, insertion or {})
+    chosen = {name: np.asarray(way) / np.linalg.norm(way) for name, way in (insertion or {}).items()}
+    graph = PartsGraph.of(assembly, found, chosen)
+    required = load_cases(graph)
+    given = np.array([graph.placed(p).chosen is not None for p in range(len(assembly.parts))])
+    axis = start_axes(graph)
     margins = margin_cases(assembly, required, options.tilt_margin_rad)
-    loads = Loads.of(assembly, found, (*required, *margins))
-    shapes = joint_shapes(assembly, found, options, axis)
+    loads = Loads.of(graph, (*required, *margins))
+    shapes = joint_shapes(graph, options, axis)
     # In 3D a way out is a sweep-confirmed find among parts further away: joints are made for it, it stays.
     turning = ~given & (assembly.dimension == 2 and assembly.alpha_rad is not None)
     pairs = np.array([c.parts for c in found])
@@ -120,7 +120,7 @@ def design(
     )
     start = _planar_start(shapes, axis)
     before = evaluate(problem, start)
-    narrow = _narrow_parts(assembly, motions, axis, given)
+    narrow = _narrow_parts(graph, axis)
 
     impossible = None
     polished = Polished(start, before.infeasibility, 0.0, 0)
@@ -130,7 +130,7 @@ def design(
         # A state to go on from exists only where the bound proved nothing.
         proof = None
         if resume is None:
-            proof = bound(assembly, found, shapes.can_curve, options, loads, len(required))
+            proof = bound(graph, shapes.can_curve, options, loads, len(required))
         impossible = None if proof is None else (required[proof.case].name, proof)
         kinematic = time.perf_counter() - started
         if impossible is None:
@@ -169,11 +169,11 @@ def joint_contacts(assembly: Assembly, report: ContactReport) -> tuple[Contact, 
     return tuple(c for c in report.contacts if not assembly.fixed[list(c.parts)].all())
 
 
-def joint_shapes(assembly: Assembly, contacts: Sequence[Contact], options: JointOptions, axis: Array) -> Shapes:
-    """Return the parametrised joints over `contacts`, for parts that leave along `axis` (N, d)."""
-    if assembly.dimension == 2:
-        return Shapes2D.of(assembly, contacts, options)
-    return Shapes3D.of(assembly, contacts, options, axis)
+def joint_shapes(graph: PartsGraph, options: JointOptions, axis: Array) -> Shapes:
+    """Return the parametrised joints over all contacts, for parts that leave along `axis` (N, d)."""
+    if graph.assembly.dimension == 2:
+        return Shapes2D.of(graph.assembly, graph.contacts, options)
+    return Shapes3D.of(graph.assembly, graph.contacts, options, axis)
 
 
 def margin_cases(assembly: Assembly, required: Sequence[LoadCase], tilt_rad: float) -> tuple[LoadCase, ...]:
@@ -194,20 +194,20 @@ def margin_cases(assembly: Assembly, required: Sequence[LoadCase], tilt_rad: flo
     return tuple(cases)
 
 
-def _start_axes(
-    assembly: Assembly, contacts: Sequence[Contact], motions: dict[int, PartMotion], insertion: Mapping[str, Array]
-) -> Array:
-    """Return (N, d) the direction in which each part leaves: the user's, or a free one with room for joints."""
-    up = np.zeros(assembly.dimension)
+def start_axes(graph: PartsGraph) -> Array:
+    """Return (N, d) the direction in which each part leaves: the chosen one, or a free one with room for joints."""
+    up = np.zeros(graph.assembly.dimension)
     up[-1] = 1.0
-    axis = np.tile(up, (len(assembly.parts), 1))
-    # Sweeps are only needed where nobody has given a direction.
-    given = all(p.fixed or p.name in insertion for p in assembly.parts)
-    free = {} if given else ways_out(assembly, contacts, room_rad=float(np.deg2rad(5.0)))
-    for part, motion in motions.items():
+    axis = np.tile(up, (len(graph.assembly.parts), 1))
+    # Sweeps are only needed where nobody has chosen a direction.
+    given = all(graph.placed(p).chosen is not None for p in graph.free)
+    free = {} if given else ways_out(graph, room_rad=float(np.deg2rad(5.0)))
+    for part, motion in graph.motions():
         axis[part] = free.get(part, motion.axis)
-    for name, direction in insertion.items():
-        axis[assembly.index(name)] = -np.asarray(direction) / np.linalg.norm(direction)
+    for part in graph.there:
+        chosen = graph.placed(part).chosen
+        if chosen is not None:
+            axis[part] = -chosen
     return axis
 
 
@@ -232,10 +232,9 @@ def _built(
         for e, (contact, curved) in enumerate(zip(problem.shapes.contacts, parameters.curved))
     )
     built = build_parts(assembly, joints)
-    motions = part_motions(assembly, joints)
     insertion = tuple(
         Insertion(assembly.parts[p].name, read_only(-way), _free_cone(built, p, m, way))
-        for p, m in motions.items()
+        for p, m in PartsGraph.joined(assembly, joints).motions()
         for way in [parameters.axis[p] if given[p] else _confirmed_way(built, p, m, parameters.axis[p])]
     )
     cases = tuple(
@@ -244,19 +243,12 @@ def _built(
     return built, joints, insertion, cases
 
 
-def _room(motion: PartMotion, way: Array) -> float:
-    """Return the half-angle of the widest cone about `way` that the part's earlier contacts leave, radians."""
-    if not len(motion.normals):
-        return float(np.pi / 2)
-    return float(np.arcsin(np.clip((motion.normals @ way).min(), -1.0, 1.0)))
-
-
 def _free_cone(built: Assembly, part: int, motion: PartMotion, way: Array) -> float:
     """Return the half-angle of the cone about `way` that is promised, radians; negative when contacts block it.
 
     Flat parts get all that is free. For solids sweeps are dear: the cone that was asked for, when contacts leave it.
     """
-    room = _room(motion, way)
+    room = motion.room(way)
     asked = built.alpha_rad
     if room <= 0.0:
         return room
@@ -274,22 +266,21 @@ def _confirmed_way(built: Assembly, part: int, motion: PartMotion, designed: Arr
     alpha = built.alpha_rad or 0.0
     if not len(motion.normals) or motion.alpha_rad < alpha:
         return designed
-    usable = [motion.axis] if _room(motion, designed) < alpha - ANGLE_ROUNDING_RAD else [motion.axis, designed]
+    usable = [motion.axis] if motion.room(designed) < alpha - ANGLE_ROUNDING_RAD else [motion.axis, designed]
     way = first_free(built, part, usable)
     if way is None:
         way = first_free(built, part, roomiest(spread_directions(2, 360), motion, alpha))
     return usable[-1] if way is None else way
 
 
-def _narrow_parts(
-    assembly: Assembly, motions: dict[int, PartMotion], axis: Array, given: BoolArray
-) -> tuple[NarrowPart, ...]:
-    """Return parts whose planar contacts leave less than α, about the user's direction where there is one."""
+def _narrow_parts(graph: PartsGraph, axis: Array) -> tuple[NarrowPart, ...]:
+    """Return parts whose planar contacts leave less than α, about the chosen direction where there is one."""
+    assembly = graph.assembly
     if assembly.alpha_rad is None:
         return ()
     narrow = []
-    for p, motion in motions.items():
-        room = _room(motion, axis[p]) if given[p] else motion.alpha_rad
+    for p, motion in graph.motions():
+        room = motion.alpha_rad if graph.placed(p).chosen is None else motion.room(axis[p])
         if room < assembly.alpha_rad - ANGLE_ROUNDING_RAD:
             blockers = tuple(assembly.parts[b].name for b in motion.blockers)
             narrow.append(NarrowPart(assembly.parts[p].name, room, assembly.alpha_rad, blockers))

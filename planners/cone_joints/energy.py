@@ -14,9 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
-from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.cones import cross
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.threads import on_all_cores
 from mocca_robot.statics.batch import BatchResult, solve_cases
 from mocca_robot.statics.loads import LoadCase, case_wrenches
@@ -46,16 +45,17 @@ class Loads:
     weight_per_volume: Array
 
     @classmethod
-    def of(cls, assembly: Assembly, contacts: Sequence[Contact], cases: Sequence[LoadCase]) -> Loads:
+    def of(cls, graph: PartsGraph, cases: Sequence[LoadCase]) -> Loads:
         """Return the arrays of `cases` for the planar assembly."""
+        assembly = graph.assembly
         about = np.array([p.centroid for p in assembly.parts])
         length = assembly.size / 2
         d = assembly.dimension
-        raw = np.array([case_wrenches(c, assembly, contacts) for c in cases])
+        raw = np.array([case_wrenches(c, graph) for c in cases])
         raw[..., d:] = (raw[..., d:] - cross(np.broadcast_to(about, raw[..., :d].shape), raw[..., :d])) / length
         raw[~np.array([c.free for c in cases])] = 0.0
         unit = float(np.mean([p.mass for p in assembly.parts]) * np.linalg.norm(assembly.gravity))
-        pairs = np.array([c.parts for c in contacts])
+        pairs = np.array([c.parts for c in graph.contacts])
         present = np.array([c.present for c in cases])
         thickness = np.array([getattr(p.shape, "thickness", 1.0) * p.density for p in assembly.parts])
         return cls(

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
-from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.cones import generalized_normals
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.joints.options import JointOptions
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.solution import EquilibriumResult, solve_system
 from mocca_robot.statics.solver.system import ContactSystem
 from planners.cone_joints.energy import Loads
@@ -68,12 +68,7 @@ def fan(normals: Array, slopes: Sequence[float], turns: int = 8) -> Array:
 
 
 def bound(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
-    can_curve: BoolArray,
-    options: JointOptions,
-    loads: Loads,
-    required: int,
+    graph: PartsGraph, can_curve: BoolArray, options: JointOptions, loads: Loads, required: int
 ) -> Impossible | None:
     """Return a proof that no joints within `options` hold the required cases, or None when some might.
 
@@ -82,13 +77,14 @@ def bound(
     In 3D the circular cone is replaced by an octagonal one around it. Masses are those of the input.
     """
     pairs, points, normals = [], [], []
-    widen = 1.0 if assembly.dimension == 2 else 1.0 / np.cos(np.pi / 8)
+    flat, contacts = graph.assembly.dimension == 2, graph.contacts
+    widen = 1.0 if flat else 1.0 / np.cos(np.pi / 8)
     slope = float(np.arctan(np.tan(options.max_slope_rad) * widen))
     for contact, curves in zip(contacts, can_curve):
         corners = contact.polygon
         directions = contact.normal[None]
         if curves:
-            depth = options.max_height * contact.measure ** (1.0 if assembly.dimension == 2 else 0.5)
+            depth = options.max_height * contact.measure ** (1.0 if flat else 0.5)
             corners = np.concatenate([corners + s * depth * contact.normal for s in (-1.0, 1.0)])
             directions = np.concatenate([directions, fan(contact.normal[None], [slope])[0]])
         points.append(np.repeat(corners, len(directions), axis=0))

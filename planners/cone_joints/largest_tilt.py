@@ -18,6 +18,7 @@ from mocca_robot.contacts.contact import ContactReport
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.joints.options import JointOptions
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import load_cases
 from planners.cone_joints.designer import Designed, design, joint_contacts, joint_shapes
 from planners.cone_joints.energy import Loads
@@ -118,17 +119,17 @@ def _proven(
     assembly: Assembly, goal: Lateral, report: ContactReport, options: JointOptions, ways: Mapping[str, Array]
 ) -> float | None:
     """Return an angle, within `RESOLUTION` of the smallest one, from which the bound proves that no joint holds."""
-    contacts = joint_contacts(assembly, report)
+    graph = PartsGraph.of(assembly, joint_contacts(assembly, report))
     axis = np.zeros((len(assembly.parts), assembly.dimension))
     axis[:, -1] = 1.0
     for name, way in ways.items():
         axis[assembly.index(name)] = -way
-    can_curve = joint_shapes(assembly, contacts, options, axis).can_curve
+    can_curve = joint_shapes(graph, options, axis).can_curve
 
     def impossible(angle_rad: float) -> bool:
-        cases = load_cases(assembly, (replace(goal, angle_rad=angle_rad),))
-        loads = Loads.of(assembly, contacts, cases)
-        return bound(assembly, contacts, can_curve, options, loads, len(cases)) is not None
+        cases = load_cases(graph, (replace(goal, angle_rad=angle_rad),))
+        loads = Loads.of(graph, cases)
+        return bound(graph, can_curve, options, loads, len(cases)) is not None
 
     low, high = goal.angle_rad, STEEPEST
     if not impossible(high):

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
-from mocca_robot.geometry.cones import largest_cone
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import insertion_rim, spread_directions, sweep_blockers
 
 State = frozenset[int]
@@ -21,29 +19,23 @@ State = frozenset[int]
 class Exits:
     """Ways out of parts, remembered: which parts a direction meets does not depend on the state."""
 
-    assembly: Assembly
-    contacts: Sequence[Contact]
+    graph: PartsGraph
     count: int
     met: dict[tuple[int, tuple[float, ...]], State] = field(default_factory=dict)
     open: dict[int, tuple[State, tuple[Array, float]]] = field(default_factory=dict)
     barred: dict[int, State] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        parts = self.assembly.parts
-        self.fixed = frozenset(np.flatnonzero(self.assembly.fixed).tolist())
-        self.free: State = frozenset(range(len(parts))) - self.fixed
+        self.assembly = self.graph.assembly
+        self.free: State = frozenset(self.graph.free)
+        self.fixed = self.graph.there - self.free
         self.alpha = self.assembly.alpha_rad or 0.0
         self.spread = spread_directions(self.assembly.dimension, self.count)
         self.last: dict[int, Assembly] = {}
         down = self.assembly.gravity
-        self.height = -np.array([p.centroid for p in parts]) @ down / max(float(np.linalg.norm(down)), 1e-12)
-        self.normals: dict[int, list[tuple[int, Array]]] = {p: [] for p in self.free}
-        for contact in self.contacts:
-            i, j = contact.parts
-            if j in self.normals:
-                self.normals[j].append((i, contact.normal))
-            if i in self.normals:
-                self.normals[i].append((j, -contact.normal))
+        self.height = (
+            -np.array([p.centroid for p in self.assembly.parts]) @ down / max(float(np.linalg.norm(down)), 1e-12)
+        )
 
     def from_the_top(self, there: State) -> list[int]:
         """Return the parts of a state, the highest first; at one height the one placed last in the given order."""
@@ -67,11 +59,9 @@ class Exits:
     def exact_way_out(self, part: int, there: State) -> tuple[Array, float] | None:
         """Return the same, looked for anew."""
         others = (there | self.fixed) - {part}
-        d = self.assembly.dimension
-        touching = [(other, n) for other, n in self.normals[part] if other in others]
-        normals = np.array([n for _, n in touching]).reshape(-1, d)
-        barring = {other for other, _ in touching}
-        room, axis = largest_cone(normals)
+        motion = self.graph.leaving(part, others)
+        room, axis, normals = motion.alpha_rad, motion.axis, motion.normals
+        barring = set(others.intersection(self.graph.neighbours(part)))
         if room >= self.alpha - 1e-9:
             slack = np.arcsin(np.clip((self.spread @ normals.T).min(axis=1, initial=1.0), -1.0, 1.0))
             order = np.argsort(-slack, kind="stable")
@@ -101,8 +91,9 @@ class Exits:
         others = (there | self.fixed) - {part}
         votes = dict.fromkeys(others, 0)
         for way in self.spread:
-            barring = {o for o, n in self.normals[part] if o in others and n @ way < np.sin(self.alpha) - 1e-9}
-            barring |= self._meets(part, way) & others if not barring else set()
+            neighbours, normals = self.graph.touching(part)
+            barring = others.intersection(neighbours[normals @ way < np.sin(self.alpha) - 1e-9].tolist())
+            barring = barring or self._meets(part, way) & others
             for other in barring:
                 votes[other] += 1
         return tuple(sorted((o for o in others if votes[o]), key=lambda o: -votes[o]))

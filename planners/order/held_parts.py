@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from mocca_robot.arrays import BoolArray
-from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import LoadCase
 from planners.order.exits import State
@@ -22,12 +20,12 @@ LARGE = 20
 class HeldParts:
     """Which parts have to be held in a state, remembered."""
 
-    assembly: Assembly
-    contacts: Sequence[Contact]
+    graph: PartsGraph
     friction: float
     known: dict[State, tuple[int, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self.assembly = self.graph.assembly
         self.mass = np.array([p.mass for p in self.assembly.parts])
 
     def held(self, there: State, near: tuple[int, ...] | None = None) -> tuple[int, ...]:
@@ -63,7 +61,7 @@ class HeldParts:
         if not (present & ~fixed).any():
             return 0.0, ()
         case = LoadCase("state", self.assembly.gravity, present, fixed)
-        verdict = solve_case(self.assembly, self.contacts, case, self.friction)
+        verdict = solve_case(self.graph, case, self.friction)
         if verdict.result.stands:
             return 0.0, ()
         d = self.assembly.dimension

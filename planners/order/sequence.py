@@ -16,9 +16,8 @@ from enum import StrEnum
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
-from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
+from mocca_robot.motion.parts_graph import PartsGraph
 from planners.order.exits import Exits, State
 from planners.order.held_parts import LARGE, HeldParts
 
@@ -107,15 +106,14 @@ def reordered(assembly: Assembly, order: Sequence[str]) -> Assembly:
 
 
 def find_sequence(
-    assembly: Assembly,
-    contacts: Sequence[Contact] | None = None,
+    graph: PartsGraph,
     *,
     holders: int | None = None,
     friction: float = 0.0,
     directions: int = 0,
     states: int = 2000,
 ) -> SequenceResult:
-    """Return an order in which every part goes in inside a cone of half-angle `assembly.alpha_rad`.
+    """Return an order in which every part goes in inside a cone of half-angle `graph.assembly.alpha_rad`.
 
     Among the orders the one that needs fewest supports (parts held, summed over the states) comes first; with
     `holders` no state may need more than that many at once. Besides the axis of each part's cone, `directions` evenly
@@ -126,10 +124,9 @@ def find_sequence(
     """
     if holders is not None and holders < 0:
         raise InputError(f"holders is {holders}; give 0 or more.")
-    if contacts is None:
-        contacts = find_contacts(assembly).contacts
-    exits = Exits(assembly=assembly, contacts=contacts, count=directions or (36 if assembly.dimension == 2 else 120))
-    statics = HeldParts(assembly, contacts, friction)
+    assembly = graph.assembly
+    exits = Exits(graph=graph, count=directions or (36 if assembly.dimension == 2 else 120))
+    statics = HeldParts(graph, friction)
     locked = _deadlocked(exits)
     if locked:
         names = assembly.sequence

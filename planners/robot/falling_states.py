@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.find import find_contacts
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import LoadCase, state_cases
 
@@ -28,13 +28,13 @@ def falls(assembly: Assembly, friction: float = 0.0, supports: Collection[str] =
     held_always = np.array([p.fixed or p.name in supports for p in assembly.parts])
     if held_always.all():
         return ()
-    contacts = find_contacts(assembly).contacts
+    graph = PartsGraph.of(assembly)
     found = []
-    for case, part in zip(state_cases(assembly), [p for p in assembly.parts if not p.fixed], strict=True):
+    for case, part in zip(state_cases(graph), graph.free, strict=True):
         held = case.held | held_always
         if not (case.present & ~held).any():
             continue
-        verdict = solve_case(assembly, contacts, LoadCase(case.name, case.gravity, case.present, held), friction)
+        verdict = solve_case(graph, LoadCase(case.name, case.gravity, case.present, held), friction)
         if not verdict.result.stands:
-            found.append(FallingState(part.name, verdict.moving))
+            found.append(FallingState(assembly.parts[part].name, verdict.moving))
     return tuple(found)

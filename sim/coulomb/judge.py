@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,8 +9,8 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.joint import contact_rays
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import LoadCase, case_wrenches
 from sim.coulomb.settle import COURSE, Course, Settled, SettlingOutcome, settle
 from sim.coulomb.springs import Springs
@@ -29,15 +28,13 @@ class Rubbing:
     """An assembly whose contacts rub.
 
     Attributes:
-        assembly: parts where they belong.
-        contacts: all contacts.
+        graph: parts where they belong, with their contacts.
         friction: Coulomb coefficient.
         points: where the parts touch; by default every corner of every contact, as in statics.
         shear_ratio: tangential stiffness of the contacts as a multiple of the normal one.
     """
 
-    assembly: Assembly
-    contacts: Sequence[Contact]
+    graph: PartsGraph
     friction: float
     points: Points | None = None
     shear_ratio: float = 1.0
@@ -45,11 +42,11 @@ class Rubbing:
     @cached_property
     def whole(self) -> Springs:
         """Return the springs of the finished assembly."""
-        return self.springs(np.ones(len(self.assembly.parts), dtype=np.bool_), self.assembly.fixed)
+        return self.springs(np.ones(len(self.graph.assembly.parts), dtype=np.bool_), self.graph.assembly.fixed)
 
     def springs(self, present: BoolArray, held: BoolArray) -> Springs:
         """Return the springs between the parts that are there; `present` and `held` are (N,)."""
-        pairs, points, normals = contact_rays(self.contacts) if self.points is None else self.points
+        pairs, points, normals = contact_rays(self.graph.contacts) if self.points is None else self.points
         there = present[pairs].all(axis=1)
         return Springs.build(
             pairs[there],
@@ -57,8 +54,8 @@ class Rubbing:
             normals[there],
             friction=self.friction,
             free=present & ~held,
-            about=np.array([p.centroid for p in self.assembly.parts]),
-            length=self.assembly.size / 2,
+            about=np.array([p.centroid for p in self.graph.assembly.parts]),
+            length=self.graph.assembly.size / 2,
             shear_ratio=self.shear_ratio,
         )
 
@@ -83,9 +80,8 @@ class CoulombVerdict:
 
 def standing(rubbing: Rubbing, case: LoadCase, course: Course = COURSE) -> CoulombVerdict:
     """Return whether the parts that are there stand when the load of `case` grows from zero."""
-    assembly = rubbing.assembly
     springs = rubbing.springs(case.present, case.held)
-    return told(assembly, settle(springs, case_wrenches(case, assembly, rubbing.contacts), course))
+    return told(rubbing.graph.assembly, settle(springs, case_wrenches(case, rubbing.graph), course))
 
 
 def told(assembly: Assembly, settled: Settled) -> CoulombVerdict:

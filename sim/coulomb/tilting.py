@@ -91,12 +91,12 @@ class _Ground:
 
     def tilted(self, angle_rad: float, rest: Tilted | None) -> Tilted:
         """Return what the assembly does when it is tilted on from a rest, or loaded at once where there is none."""
-        assembly, course, after = self.rubbing.assembly, self.course, None
+        assembly, course, after = self.rubbing.graph.assembly, self.course, None
         if rest is not None:
             ramp = int(max(SHORTEST_RAMP, RAMP_PER_RAD * (angle_rad - rest.angle_rad)))
             course, after = replace(course, ramp=ramp), rest.standing.settled
         case = case_at(assembly, angle_rad, self.azimuth_rad)
-        wrenches = case_wrenches(case, assembly, self.rubbing.contacts)
+        wrenches = case_wrenches(case, self.rubbing.graph)
         self.runs += 1
         return Tilted(angle_rad, told(assembly, settle(self.rubbing.whole, wrenches, course, after)))
 

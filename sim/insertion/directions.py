@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mocca_robot.arrays import Array
-from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
-from mocca_robot.geometry.cones import largest_cone
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import RIM_INSET, free_half_angle
 
 OUTSIDE = float(np.deg2rad(3.0))
@@ -49,26 +46,19 @@ class Direction:
     vector: Array
 
 
-def insertion_cone(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
-    part: int,
-    direction: Array | None = None,
-    alpha_rad: float | None = None,
-) -> InsertionCone:
-    """Return the cone of `part` about `direction` (default: the axis of its widest cone)."""
-    mine = [c.normal for c in contacts if c.parts[1] == part]
-    normals = np.array(mine) if mine else np.zeros((0, assembly.dimension))
-    realised, way_out = largest_cone(normals)
-    if direction is not None and len(normals):
-        way_out = -np.asarray(direction)
-        realised = float(np.arcsin(np.clip((normals @ way_out).min(), -1.0, 1.0)))
+def insertion_cone(graph: PartsGraph, part: int, alpha_rad: float | None = None) -> InsertionCone:
+    """Return the cone of `part` about the direction that was chosen for it (default: the axis of its widest cone)."""
+    assembly, motion, chosen = graph.assembly, graph.motion(part), graph.placed(part).chosen
+    realised, way_out = motion.alpha_rad, motion.axis
+    if chosen is not None and len(motion.normals):
+        way_out = -chosen
+        realised = motion.room(way_out)
     promised = assembly.alpha_rad if alpha_rad is None else alpha_rad
     if promised is not None:
         tried = min(promised, realised)
     else:
         tried = free_half_angle(assembly, part, way_out, min(WIDEST, max(0.0, realised - RIM_INSET)))
-    return InsertionCone(part, -way_out, normals, realised, tried)
+    return InsertionCone(part, -way_out, motion.normals, realised, tried)
 
 
 def directions(cone: InsertionCone, count: int) -> tuple[Direction, ...]:

@@ -22,6 +22,7 @@ from mocca_robot.arrays import Array, BoolArray, read_only
 from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import LoadCase
 from sim.shapes.contact_rays import PairRays, Rays, holding, pair_rays, reduced_rays
 from sim.shapes.convex_pieces import convex_pieces
@@ -165,11 +166,9 @@ def telling_rays(assembly: Assembly, contacts: Sequence[Contact], friction: floa
     return None if all(r.kept.all() for r in rays) else rays
 
 
-def holding_model(
-    assembly: Assembly, contacts: Sequence[Contact], rays: Sequence[PairRays], case: LoadCase, friction: float = 0.0
-) -> ContactModel:
+def holding_model(graph: PartsGraph, rays: Sequence[PairRays], case: LoadCase, friction: float = 0.0) -> ContactModel:
     """Return facet pairs at those of `telling_rays` that hold what all of them hold under `case`."""
-    return facet_pairs(r.reduced for r in holding(assembly, contacts, rays, case, friction))
+    return facet_pairs(r.reduced for r in holding(graph, rays, case, friction))
 
 
 def contact_model(assembly: Assembly, contacts: Sequence[Contact], friction: float = 0.0) -> ContactModel:

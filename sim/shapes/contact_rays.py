@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
-from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.cones import extreme_rays, generalized_normals
 from mocca_robot.joints.joint import contact_rays
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_rays
 from mocca_robot.statics.loads import LoadCase
 from mocca_robot.statics.solution import Status
@@ -84,9 +84,7 @@ def reduced_rays(contacts: Sequence[Contact], resolution: int, friction: float =
     return (found.reduced for found in pair_rays(contacts, resolution, friction))
 
 
-def holding(
-    assembly: Assembly, contacts: Sequence[Contact], pairs: Sequence[PairRays], case: LoadCase, friction: float = 0.0
-) -> list[PairRays]:
+def holding(graph: PartsGraph, pairs: Sequence[PairRays], case: LoadCase, friction: float = 0.0) -> list[PairRays]:
     """Return `pairs` with as many more rays kept as it takes to hold what all of them hold under `case`.
 
     Statics says how the parts would move on the kept rays alone; in every pair the ray that this motion violates most
@@ -98,10 +96,10 @@ def holding(
     points, normals = np.concatenate([r.points for r in rays]), np.concatenate([r.normals for r in rays])
     kept = np.concatenate([p.kept for p in pairs])
     there = case.present[parts].all(axis=1)
-    about = np.array([p.centroid for p in assembly.parts])
+    about = np.array([p.centroid for p in graph.assembly.parts])
     for _ in range(MOST_ROUNDS):
         used = kept & there
-        found = solve_rays(assembly, contacts, case, (parts[used], points[used], normals[used]), friction)
+        found = solve_rays(graph, case, (parts[used], points[used], normals[used]), friction)
         if found.status is not Status.NOT_IN_EQUILIBRIUM:
             break
         first, second = (_velocity(found.motions, about, parts[:, side], points) for side in (0, 1))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
@@ -13,11 +13,11 @@ import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import EnvironmentNeeded
 from mocca_robot.files.output import write_atomic
 from mocca_robot.geometry.extrusion import surface
 from mocca_robot.joints.joint import contact_rays
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import insertion_rim
 from mocca_robot.statics.cases import case_at, solve_case
 from mocca_robot.verdicts.physics import Verdict
@@ -56,20 +56,21 @@ class Shown:
     motion: Motion
 
 
-def shown(assembly: Assembly, contacts: Sequence[Contact], insertion: Mapping[str, Array] | None = None) -> Shown:
-    """Return what there is to see of an assembly; `insertion` as in `sim.simulate`."""
+def shown(graph: PartsGraph) -> Shown:
+    """Return what there is to see of an assembly."""
+    assembly, contacts = graph.assembly, graph.contacts
     ways = np.zeros((len(assembly.parts), 3))
     cones: list[Array] = []
     for index, part in enumerate(assembly.parts):
         if part.fixed:
             continue
-        cone = insertion_cone(assembly, contacts, index, (insertion or {}).get(part.name))
+        cone = insertion_cone(graph, index)
         ways[index] = embed(np.asarray(cone.axis))
         tip, length = embed(part.centroid), 0.15 * assembly.size
         rim = embed(np.asarray(insertion_rim(-np.asarray(cone.axis), cone.tried_rad)))
         cones += [np.stack([tip, tip + length * way]) for way in rim]
     _, points, normals = contact_rays(contacts)
-    forces = solve_case(assembly, contacts, case_at(assembly, 0.0, 0.0)).result.forces.reshape(len(points), -1)[:, 0]
+    forces = solve_case(graph, case_at(assembly, 0.0, 0.0)).result.forces.reshape(len(points), -1)[:, 0]
     scale = 0.5 * assembly.size / max(float(forces.max(initial=0.0)), 1e-12)
     tails = embed(points)
     arrows = np.stack([tails, tails + scale * forces[:, None] * embed(normals)], axis=1)

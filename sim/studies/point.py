@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from mocca_robot.arrays import Array
-from mocca_robot.assembly import Assembly
 from mocca_robot.config.config import Config
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.errors import MoccaError
 from mocca_robot.files.design_json import read_design, write_design
-from mocca_robot.joints.joint import planar
-from mocca_robot.motion.parts_graph import parts_graph
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.threads import with_one_blas_thread
 from mocca_robot.statics.cases import critical_tilts
 from mocca_robot.statics.loads import tilt_azimuths
@@ -61,26 +56,23 @@ def _evaluated(task: Task) -> Row:
     config = task.config
     report = find_contacts(config.assembly)
     require_sound(config.assembly, report)
-    parts_graph(config.assembly, [planar(c) for c in report.contacts])
     row: Row = {"parts": len(config.assembly.parts), "contacts": len(report.contacts)}
-    assembly, ways = config.assembly, dict(config.insertion)
-    contacts: Sequence[Contact]
     if "design" not in task.stages:
-        verification = verify(assembly, friction=config.friction, directions=ways)
+        verification = verify(config.assembly, friction=config.friction, directions=dict(config.insertion))
+        graph = verification.graph
         row |= _verdict(verification)
-        contacts = verification.contacts
     else:
-        found, assembly, ways, contacts = _designed(config, report)
+        found, graph = _designed(config, report)
         row |= found
     if "tilt" in task.stages:
-        row |= _tilts(assembly, contacts, config)
+        row |= _tilts(graph, config)
     if "simulate" in task.stages:
-        row |= _simulated(assembly, ways, config)
+        row |= _simulated(graph, config)
     status, reason = row.pop("status"), row.pop("reason")
     return {"status": status, "reason": reason, **row}
 
 
-def _designed(config: Config, report: Any) -> tuple[Row, Assembly, dict[str, Array], Sequence[Contact]]:
+def _designed(config: Config, report: Any) -> tuple[Row, PartsGraph]:
     """Return the figures of a design, and its parts, ways in and contacts as they are read back from its files."""
     from planners.cone_joints.designer import design
 
@@ -103,7 +95,7 @@ def _designed(config: Config, report: Any) -> tuple[Row, Assembly, dict[str, Arr
         part = min(found.narrow, key=lambda n: n.alpha_rad)
         room = f"±{np.rad2deg(max(part.alpha_rad, 0.0)):.2f}°"
         row |= {"status": NARROW, "reason": f"flat contacts leave '{part.part}' {room}, less than α asks for"}
-    return row, stored.assembly, ways, verification.contacts
+    return row, verification.graph
 
 
 def _verdict(verification: Verification) -> Row:
@@ -127,9 +119,9 @@ def _verdict(verification: Verification) -> Row:
     }
 
 
-def _tilts(assembly: Assembly, contacts: Sequence[Contact], config: Config) -> Row:
-    azimuths = tilt_azimuths(assembly.dimension, config.simulate.azimuths)
-    tilts = critical_tilts(assembly, contacts, azimuths, config.friction)
+def _tilts(graph: PartsGraph, config: Config) -> Row:
+    azimuths = tilt_azimuths(graph.assembly.dimension, config.simulate.azimuths)
+    tilts = critical_tilts(graph, azimuths, config.friction)
     least = int(np.argmin(tilts))
     return {
         "tilt_deg": float(np.rad2deg(tilts[least])),
@@ -137,7 +129,7 @@ def _tilts(assembly: Assembly, contacts: Sequence[Contact], config: Config) -> R
     }
 
 
-def _simulated(assembly: Assembly, ways: Mapping[str, Array], config: Config) -> Row:
+def _simulated(graph: PartsGraph, config: Config) -> Row:
     from sim.questions import Questions
     from sim.simulate import simulate
 
@@ -148,7 +140,7 @@ def _simulated(assembly: Assembly, ways: Mapping[str, Array], config: Config) ->
         seed=config.simulate.seed,
         threads=1,
     )
-    found = simulate(assembly, dict(ways), asked)
+    found = simulate(graph.assembly, graph.chosen, asked)
     level = [t.critical_rad for t in found.tilt if t.friction == 0.0]
     inside = [t for t in found.trials if t.inside]
     return {
@@ -157,5 +149,5 @@ def _simulated(assembly: Assembly, ways: Mapping[str, Array], config: Config) ->
         "mujoco_tilt_deg": float(np.rad2deg(min(level))) if level else None,
         "mujoco_insertions_inside": len(inside),
         "mujoco_insertions_succeeded": sum(t.succeeded for t in inside),
-        "mujoco_disagreements": len(contradictions(assembly, found)),
+        "mujoco_disagreements": len(contradictions(graph.assembly, found)),
     }

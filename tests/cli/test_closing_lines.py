@@ -9,9 +9,8 @@ from mocca_robot.assembly import Assembly, Equilibrium, Part, Polygon, SupportFr
 from mocca_robot.cli.closing_lines import document, physics_words
 from mocca_robot.cli.reasons import physics_findings
 from mocca_robot.cli.stages import DesignOutcome
-from mocca_robot.contacts.find import find_contacts
 from mocca_robot.design import Design
-from mocca_robot.joints.joint import planar
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report.data import ReportData, collect
 from mocca_robot.report.findings import below_bound, disagreements
 from mocca_robot.report.markup import esc
@@ -65,7 +64,7 @@ def pile() -> ReportData:
     shapes = [Polygon(square + np.array([0.0, height])) for height in range(3)]
     parts = tuple(Part(name, shape, fixed=name == "a") for name, shape in zip("abc", shapes))
     assembly = Assembly("x", parts, (Equilibrium(), SupportFree()))
-    joints = tuple(planar(c) for c in find_contacts(assembly).contacts)
+    joints = PartsGraph.of(assembly).joints
     return collect(
         Design(source=assembly, assembly=assembly, joints=joints, insertion=(), load_cases=()),
         versions={},

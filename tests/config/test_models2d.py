@@ -14,9 +14,8 @@ from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.config.config import load
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.contacts.find import find_contacts, require_sound
-from mocca_robot.joints.joint import planar
 from mocca_robot.motion.insertion import insertion_verdicts
-from mocca_robot.motion.parts_graph import part_motions
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.equilibrium import equilibrium
 from mocca_robot.statics.loads import LoadCase, case_wrenches, load_cases, tilted_gravity
@@ -63,18 +62,18 @@ def draw() -> ModuleType:
     return module
 
 
-def bent_forces(assembly: Assembly, contacts: tuple[Contact, ...], case: LoadCase) -> EquilibriumResult:
+def bent_forces(graph: PartsGraph, case: LoadCase) -> EquilibriumResult:
     """Return the equilibrium with forces up to SHARPNESS off each normal and inside every insertion cone.
 
     This is what all joints within those bounds can do together: no equilibrium here, no cone joints.
     """
-    motions = part_motions(assembly, [planar(c) for c in contacts])
+    assembly = graph.assembly
     most = np.pi / 2 - (assembly.alpha_rad or 0.0)
     pairs, points, normals = [], [], []
-    for contact in contacts:
+    for contact in graph.contacts:
         if not case.present[list(contact.parts)].all():
             continue
-        axis = motions[contact.parts[1]].axis
+        axis = graph.motion(contact.parts[1]).axis
         angle = np.arctan2(*contact.normal[::-1])
         off = (angle - np.arctan2(*axis[::-1]) + np.pi) % (2 * np.pi) - np.pi
         for share in (INSET, 1.0 - INSET):
@@ -86,7 +85,7 @@ def bent_forces(assembly: Assembly, contacts: tuple[Contact, ...], case: LoadCas
         np.array(pairs),
         np.array(points),
         np.array(normals),
-        case_wrenches(case, assembly, contacts),
+        case_wrenches(case, graph),
         fixed=~case.free,
         about=np.array([p.centroid for p in assembly.parts]),
         length=assembly.size / 2,
@@ -124,8 +123,8 @@ def test_contacts_are_long_enough_to_cut_joints(name: str, models: Models) -> No
 
 @each_model
 def test_planar_contacts_do_not_hold_it(name: str, models: Models) -> None:
-    assembly, contacts = models[name]
-    result = solve_case(assembly, contacts, load_cases(assembly)[0])
+    graph = PartsGraph.of(*models[name])
+    result = solve_case(graph, load_cases(graph)[0])
     assert not result.result.stands
     assert result.result.infeasibility > 1e-3
     assert result.moving
@@ -134,18 +133,19 @@ def test_planar_contacts_do_not_hold_it(name: str, models: Models) -> None:
 @each_model
 def test_every_part_goes_in_with_room_for_leaning_joints(name: str, models: Models) -> None:
     assembly, contacts = models[name]
-    for verdict in insertion_verdicts(assembly, contacts, {}):
+    graph = PartsGraph.of(assembly, contacts)
+    for verdict in insertion_verdicts(graph):
         assert verdict.assemblable, f"{verdict.part} is blocked by {verdict.blockers}"
-    for motion in part_motions(assembly, [planar(c) for c in contacts]).values():
+    for _, motion in graph.motions():
         assert motion.alpha_rad > (assembly.alpha_rad or 0.0) + ROOM
 
 
 @each_model
 def test_cone_joints_can_hold_every_required_state(name: str, models: Models) -> None:
-    assembly, contacts = models[name]
-    for case in load_cases(assembly):
-        for tilted in wobbled(assembly, case):
-            assert bent_forces(assembly, contacts, tilted).stands, tilted.name
+    graph = PartsGraph.of(*models[name])
+    for case in load_cases(graph):
+        for tilted in wobbled(graph.assembly, case):
+            assert bent_forces(graph, tilted).stands, tilted.name
 
 
 @each_model

@@ -14,6 +14,7 @@ from mocca_robot.assembly import Interlocking
 from mocca_robot.config.config import load
 from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.geometry.cones import largest_cone
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import load_cases
 
@@ -54,8 +55,9 @@ def test_parts_are_closed_apart_and_touching(model):
 
 def test_the_planar_input_does_not_stand(model):
     _, assembly, report = model
-    for case in load_cases(assembly):
-        result = solve_case(assembly, report.contacts, case).result
+    graph = PartsGraph.of(assembly, report.contacts)
+    for case in load_cases(graph):
+        result = solve_case(graph, case).result
         assert result.status == "not_in_equilibrium", case.name
 
 
@@ -89,8 +91,8 @@ def test_the_ball_locks_only_because_its_key_is_held():
     # Held pieces carry no load, so the case without the held key has one more piece that can move.
     assembly = load(CONFIGS / "sphere.yaml").assembly
     assert isinstance(assembly.goals[0], Interlocking)
-    (case,) = load_cases(assembly)
+    graph = PartsGraph.of(assembly)
+    (case,) = load_cases(graph)
     assert case.held.sum() == 2
     loose = dataclasses.replace(case, held=assembly.fixed)
-    contacts = find_contacts(assembly).contacts
-    assert not solve_case(assembly, contacts, loose).result.stands
+    assert not solve_case(graph, loose).result.stands

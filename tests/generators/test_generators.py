@@ -13,6 +13,7 @@ from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.generators import generate
 from mocca_robot.geometry.cones import largest_cone
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import case_at, critical_tilt, solve_case
 
 
@@ -24,8 +25,8 @@ def require_closed(assembly: Assembly) -> None:
 
 
 def stands(assembly: Assembly, friction: float) -> bool:
-    contacts = find_contacts(assembly).contacts
-    return solve_case(assembly, contacts, case_at(assembly, 0.0, 0.0), friction).result.stands
+    graph = PartsGraph.of(assembly)
+    return solve_case(graph, case_at(assembly, 0.0, 0.0), friction).result.stands
 
 
 @pytest.mark.parametrize(("shift", "expected"), [(0.05, True), (0.20, False)])
@@ -66,7 +67,7 @@ def test_a_wall_has_running_bond():
     # Beds: every change between courses overlaps 2 × columns half bricks; heads: 2 or 3 per course.
     assert len(find_contacts(wall).contacts) == 3 * 6 + 2 * (2 + 3)
     assert sum(p.shape.volume for p in wall.parts) == pytest.approx(0.6 * 0.1 * 0.4)
-    assert critical_tilt(wall, find_contacts(wall).contacts, 0.0) == pytest.approx(0.0, abs=1e-6)
+    assert critical_tilt(PartsGraph.of(wall), 0.0) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_dome_is_closed_and_its_keys_go_in_from_above():

@@ -15,6 +15,7 @@ from mocca_robot.joints.bicubic import bicubic_joint, largest_rectangle
 from mocca_robot.joints.build import build_parts
 from mocca_robot.joints.build3d import build_parts_3d
 from mocca_robot.joints.joint import Joint, planar
+from mocca_robot.motion.parts_graph import PartsGraph
 
 
 def tilted(assembly: Assembly) -> Assembly:
@@ -60,8 +61,8 @@ CASES = {"wall": wall(), "tilted wall": tilted(wall()), "dome": dome(), "notched
 @pytest.mark.parametrize("kind", ["planar", "curved"])
 def test_every_part_is_a_closed_solid_and_volume_is_conserved(name, kind):
     assembly = CASES[name]
-    contacts = find_contacts(assembly).contacts
-    joints = curved_joints(assembly) if kind == "curved" else [planar(c) for c in contacts]
+    graph = PartsGraph.of(assembly)
+    joints = curved_joints(assembly) if kind == "curved" else graph.joints
     built = build_parts(assembly, joints)
     for part in built.parts:
         mesh = trimesh.Trimesh(*_arrays(part.shape), process=False)
@@ -117,7 +118,7 @@ def test_a_sloppy_input_is_welded_shut():
     sloppy = exact.with_shapes(
         [Mesh(p.shape.vertices + rng.uniform(-1, 1, p.shape.vertices.shape) * 2e-7, p.shape.faces) for p in exact.parts]
     )
-    built = build_parts_3d(sloppy, [planar(c) for c in find_contacts(sloppy).contacts])
+    built = build_parts_3d(sloppy, PartsGraph.of(sloppy).joints)
     again = find_contacts(built)
     assert len(again.contacts) >= len(find_contacts(exact).contacts) and not again.overlaps
     total = sum(p.shape.volume for p in built.parts)

@@ -7,8 +7,8 @@ import pytest
 from solids import box
 
 from mocca_robot.assembly import Assembly, Part, Polygon
-from mocca_robot.contacts.find import find_contacts
 from mocca_robot.motion.insertion import insertion_verdicts
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import free_half_angle, insertion_rim, sweep_blockers, ways_out
 
 
@@ -27,9 +27,9 @@ def test_a_block_before_a_wall_leaves_upwards():
         ),
         alpha_rad=np.deg2rad(5),
     )
-    contacts = find_contacts(assembly).contacts
+    graph = PartsGraph.of(assembly)
     assert sweep_blockers(assembly, 2, np.array([[1.0, 0, 0]])) == (1,)
-    way = ways_out(assembly, contacts)[2]
+    way = ways_out(graph)[2]
     assert way[0] >= np.sin(np.deg2rad(5))
     assert not sweep_blockers(assembly, 2, insertion_rim(way, assembly.alpha_rad))
 
@@ -40,14 +40,14 @@ def test_a_closed_in_block_has_no_way_out():
         box((1, 0, 1), (2, 1, 2)), box((1, 2, 1), (2, 3, 2)),
     ])]  # fmt: skip
     assembly = Assembly("box", (*shell, Part("inside", box((1, 1, 1), (2, 2, 2)))))
-    assert ways_out(assembly, find_contacts(assembly).contacts) == {}
+    assert ways_out(PartsGraph.of(assembly)) == {}
 
 
 def test_a_free_axis_is_kept():
     assembly = Assembly(
         "pair", (Part("a", box((0, 0, 0), (1, 1, 1)), fixed=True), Part("b", box((0, 0, 1), (1, 1, 2))))
     )
-    assert np.allclose(ways_out(assembly, find_contacts(assembly).contacts)[1], [0, 0, 1])
+    assert np.allclose(ways_out(PartsGraph.of(assembly))[1], [0, 0, 1])
 
 
 def test_a_flat_part_s_free_cone_ends_where_sweeps_begin_to_hit():
@@ -82,5 +82,5 @@ def test_a_solid_part_s_free_cone_was_swept():
 def test_a_part_that_touches_nothing_and_cannot_leave_upwards_leaves_sideways():
     ceiling = Part("ceiling", flat([[0, 3], [1, 3], [1, 4], [0, 4]]), fixed=True)
     assembly = Assembly("gap", (ceiling, Part("block", flat([[0, 0], [1, 0], [1, 1], [0, 1]]))))
-    (verdict,) = insertion_verdicts(assembly, (), {})
+    (verdict,) = insertion_verdicts(PartsGraph.of(assembly, ()))
     assert verdict.assemblable and not verdict.blockers and verdict.alpha_rad > 0.0

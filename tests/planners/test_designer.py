@@ -11,11 +11,11 @@ import trimesh
 from benchmarks.random_assemblies import KINDS, random_assembly
 from mocca_robot.assembly import Assembly, Equilibrium, Interlocking, Lateral, Part, Polygon
 from mocca_robot.config.config import load
-from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.files.design_json import read_design, write_design
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.joints.options import JointOptions
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import critical_tilt
 from mocca_robot.statics.equilibrium import equilibrium
 from mocca_robot.statics.loads import case_wrenches, load_cases
@@ -47,13 +47,13 @@ def test_random_assemblies_end_in_a_verdict_that_an_independent_solve_confirms(
         return
     assert all(i.alpha_rad >= np.deg2rad(5.0) - 1e-9 for i in check.insertions)
     pairs, points, normals = contact_rays(check.contacts)
-    for case in load_cases(built):
+    for case in load_cases(check.graph):
         there = case.present[pairs].all(axis=1)
         result = equilibrium(
             pairs[there],
             points[there],
             normals[there],
-            case_wrenches(case, built, check.contacts),
+            case_wrenches(case, check.graph),
             fixed=~case.free,
             about=np.array([p.centroid for p in built.parts]),
             solver="clarabel",
@@ -103,11 +103,10 @@ def test_lateral_goal_raises_the_critical_tilt_beyond_its_angle() -> None:
     outcome = design(Assembly("tower", parts, goals=(Lateral(angle),)))
     assert outcome.achieved
     built = outcome.design.assembly
-    contacts = find_contacts(built).contacts
-    planar_contacts = find_contacts(outcome.design.source).contacts
+    flat, graph = PartsGraph.of(outcome.design.source), PartsGraph.of(built)
     for azimuth in (0.0, np.pi):
-        assert critical_tilt(outcome.design.source, planar_contacts, azimuth) < 1e-6
-        assert critical_tilt(built, contacts, azimuth) >= angle
+        assert critical_tilt(flat, azimuth) < 1e-6
+        assert critical_tilt(graph, azimuth) >= angle
 
 
 def test_interlocking_holds_every_part_but_the_key() -> None:

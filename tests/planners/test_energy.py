@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from mocca_robot.assembly import Assembly, Part, Polygon
-from mocca_robot.contacts.find import find_contacts
-from mocca_robot.joints.joint import planar
 from mocca_robot.joints.options import JointOptions
-from mocca_robot.motion.parts_graph import part_motions
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import load_cases
 from planners.cone_joints.descent import evaluate, linearised, moved_wrenches, value_of
 from planners.cone_joints.designer import margin_cases
@@ -39,13 +37,14 @@ def tilted_wall(tilt_rad: float, scale: float = 1.0) -> Assembly:
 
 
 def problem_of(assembly: Assembly, alpha: bool = True) -> tuple[JointProblem, JointParameters]:
-    contacts = find_contacts(assembly).contacts
-    required = load_cases(assembly)
-    loads = Loads.of(assembly, contacts, (*required, *margin_cases(assembly, required, 0.02)))
+    graph = PartsGraph.of(assembly)
+    contacts = graph.contacts
+    required = load_cases(graph)
+    loads = Loads.of(graph, (*required, *margin_cases(assembly, required, 0.02)))
     shapes = Shapes2D.of(assembly, contacts, JointOptions())
     pairs = np.array([c.parts for c in contacts])
     axis = np.tile([0.0, 1.0], (len(assembly.parts), 1))
-    for part, motion in part_motions(assembly, [planar(c) for c in contacts]).items():
+    for part, motion in graph.motions():
         axis[part] = motion.axis
     rng = np.random.default_rng(3)
     shape = np.tile([0.1, 0.12, 0.0, 0.0], (len(contacts), 1))

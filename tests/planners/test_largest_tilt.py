@@ -9,10 +9,10 @@ import pytest
 
 from mocca_robot.assembly import Assembly, Lateral, Part, Polygon
 from mocca_robot.cli import main
-from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.files.assembly_json import write_assembly
 from mocca_robot.joints.options import JointOptions
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import critical_tilt
 from planners.cone_joints.designer import design
 from planners.cone_joints.largest_tilt import RESOLUTION, largest_tilt
@@ -37,8 +37,8 @@ def test_no_block_stands_on_a_slope_steeper_than_its_joint(steepest_deg: float) 
     assert climb.impossible_rad is not None
     assert climb.angle_rad < climb.impossible_rad <= np.deg2rad(steepest_deg) + RESOLUTION
     built = climb.designed.design.assembly
-    contacts = find_contacts(built).contacts
-    assert min(critical_tilt(built, contacts, a) for a in (0.0, np.pi)) >= climb.angle_rad - 1e-6
+    graph = PartsGraph.of(built)
+    assert min(critical_tilt(graph, a) for a in (0.0, np.pi)) >= climb.angle_rad - 1e-6
     assert climb.failed_rad is None or climb.angle_rad < climb.failed_rad
 
 

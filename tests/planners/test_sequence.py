@@ -13,9 +13,9 @@ import pytest
 from benchmarks.random_assemblies import random_assembly
 from mocca_robot.assembly import Assembly, Mesh, Part, Polygon
 from mocca_robot.cli import main
-from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.files.assembly_json import read_assembly, write_assembly
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import insertion_rim, sweep_blockers
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import state_cases
@@ -42,21 +42,21 @@ def require_buildable(assembly: Assembly, found: SequenceResult) -> None:
     """Check every placement anew: the sweep out is free, and the state stands with what is held."""
     assert found.status is SequenceStatus.FOUND
     built = reordered(assembly, [p.part for p in found.placements])
-    contacts = find_contacts(built).contacts
-    for placement, case in zip(found.placements, state_cases(built), strict=True):
+    graph = PartsGraph.of(built)
+    for placement, case in zip(found.placements, state_cases(graph), strict=True):
         part = built.index(placement.part)
         assert not sweep_blockers(built, part, insertion_rim(-placement.direction, built.alpha_rad or 0.0))
         held = np.array(case.held)
         held[[built.index(n) for n in placement.held]] = True
         assert case.present[[built.index(n) for n in placement.held]].all()
         if (case.present & ~held).any():
-            assert solve_case(built, contacts, replace(case, held=held)).result.stands, placement.part
+            assert solve_case(graph, replace(case, held=held)).result.stands, placement.part
 
 
 def test_a_tower_given_upside_down_is_built_from_below() -> None:
     tower = [box(f"b{k}", 0, 0.02 + 0.02 * k, 0.04, 0.02) for k in range(4)]
     assembly = flat(box("ground", -0.05, 0, 0.15, 0.02, True), *reversed(tower), alpha=np.deg2rad(5))
-    found = find_sequence(assembly)
+    found = find_sequence(PartsGraph.of(assembly))
     assert [p.part for p in found.placements] == ["b0", "b1", "b2", "b3"]
     assert found.supports == 0
     require_buildable(assembly, found)
@@ -65,7 +65,7 @@ def test_a_tower_given_upside_down_is_built_from_below() -> None:
 @pytest.mark.parametrize("kind", ["stack", "wall", "arch", "voronoi"])
 def test_every_step_of_an_order_can_be_done(kind: str) -> None:
     assembly = replace(random_assembly(kind, 3), alpha_rad=None)
-    found = find_sequence(assembly, states=60)
+    found = find_sequence(PartsGraph.of(assembly), states=60)
     if found.status is SequenceStatus.FOUND:
         require_buildable(assembly, found)
     else:
@@ -82,7 +82,7 @@ def ring_with_core() -> Assembly:
 
 def test_a_part_inside_another_is_deadlocked_by_name() -> None:
     assembly = ring_with_core()
-    found = find_sequence(assembly)
+    found = find_sequence(PartsGraph.of(assembly))
     assert found.status is SequenceStatus.DEADLOCKED
     assert not found.placements
     # The ring cannot leave without its core, nor the core without the ring.
@@ -99,12 +99,12 @@ def bridge() -> Assembly:
 
 
 def test_a_state_that_falls_asks_for_a_holder() -> None:
-    found = find_sequence(bridge())
+    found = find_sequence(PartsGraph.of(bridge()))
     assert found.status is SequenceStatus.FOUND
     assert found.supports >= 1
     require_buildable(bridge(), found)
-    assert find_sequence(bridge(), holders=found.holders).status is SequenceStatus.FOUND
-    none = find_sequence(bridge(), holders=0)
+    assert find_sequence(PartsGraph.of(bridge()), holders=found.holders).status is SequenceStatus.FOUND
+    none = find_sequence(PartsGraph.of(bridge()), holders=0)
     assert none.status is SequenceStatus.FALLS
     assert none.falling and set(none.falling) <= set(none.remaining)
 
@@ -116,12 +116,12 @@ def test_fewest_supports_among_all_orders() -> None:
         box("slab", 0.02, 0.06, 0.12, 0.02),
         box("right", 0.12, 0.02, 0.02, 0.04),
     )
-    found = find_sequence(assembly)
+    found = find_sequence(PartsGraph.of(assembly))
     fewest = None
     for order in itertools.permutations(["left", "slab", "right"]):
         built = reordered(assembly, order)
-        contacts = find_contacts(built).contacts
-        if all(solve_case(built, contacts, c).result.stands for c in state_cases(built)):
+        graph = PartsGraph.of(built)
+        if all(solve_case(graph, c).result.stands for c in state_cases(graph)):
             fewest = 0
     assert fewest == 0 == found.supports
     assert found.placements[-1].part == "slab"
@@ -137,7 +137,7 @@ def test_solid_blocks_come_from_below_to_above() -> None:
         ),
         alpha_rad=np.deg2rad(5),
     )
-    found = find_sequence(assembly)
+    found = find_sequence(PartsGraph.of(assembly))
     assert [p.part for p in found.placements] == ["bottom", "top"]
     require_buildable(assembly, found)
 
@@ -146,14 +146,14 @@ def test_orders_and_holders_that_make_no_sense_are_refused() -> None:
     with pytest.raises(InputError, match="weight"):
         reordered(bridge(), ["beam"])
     with pytest.raises(InputError, match="holders is -1"):
-        find_sequence(bridge(), holders=-1)
+        find_sequence(PartsGraph.of(bridge()), holders=-1)
 
 
 def test_a_shuffled_tower_comes_back_in_an_order_that_can_be_built() -> None:
     tower = [box(f"b{k}", 0.004 * (k % 2), 0.02 + 0.02 * k, 0.04, 0.02) for k in range(9)]
     mixed = [tower[k] for k in np.random.default_rng(3).permutation(9)]
     assembly = flat(box("ground", -0.05, 0, 0.15, 0.02, True), *mixed, alpha=np.deg2rad(5))
-    found = find_sequence(assembly, holders=0)
+    found = find_sequence(PartsGraph.of(assembly), holders=0)
     assert [p.part for p in found.placements] == [f"b{k}" for k in range(9)]
     assert found.fewest
     require_buildable(assembly, found)
@@ -165,10 +165,10 @@ def test_a_ring_of_a_dome_closes_with_a_last_block_or_names_those_that_bar_it() 
     from mocca_robot.generators import generate
 
     few = generate("dome", {"blocks": [6], "thickness": 0.2}, Path())
-    found = find_sequence(few)
+    found = find_sequence(PartsGraph.of(few))
     require_buildable(few, found)
     # With 10° of room asked for, blocks of a closed ring are wedged between their neighbours or go in as before.
-    wide = find_sequence(replace(few, alpha_rad=np.deg2rad(40)))
+    wide = find_sequence(PartsGraph.of(replace(few, alpha_rad=np.deg2rad(40))))
     assert wide.status is SequenceStatus.DEADLOCKED
     names = {o.part for o in wide.obstacles}
     assert all(o.blockers and set(o.blockers) <= names | set(few.sequence) for o in wide.obstacles)
@@ -182,9 +182,8 @@ def test_upright_tenons_deadlock_a_ball_and_say_who_locks_whom() -> None:
     from planners.baselines.tenons import upright_tenons
 
     config = load(Path(__file__).parents[2] / "configs" / "sphere.yaml")
-    contacts = find_contacts(config.assembly).contacts
-    ball = build_parts(config.assembly, upright_tenons(config.assembly, contacts, config.joints))
-    found = find_sequence(replace(ball, alpha_rad=None))
+    ball = build_parts(config.assembly, upright_tenons(PartsGraph.of(config.assembly), config.joints))
+    found = find_sequence(PartsGraph.of(replace(ball, alpha_rad=None)))
     assert found.status is SequenceStatus.DEADLOCKED
     locked = {o.part: set(o.blockers) for o in found.obstacles}
     assert len(locked) >= 2
@@ -195,11 +194,11 @@ def test_what_is_known_about_ways_out_stays_true_when_parts_leave() -> None:
     from planners.order.exits import Exits
 
     assembly = random_assembly("wall", 3)
-    exits = Exits(assembly=assembly, contacts=find_contacts(assembly).contacts, count=36)
+    exits = Exits(graph=PartsGraph.of(assembly), count=36)
     there = exits.free
     while there:
         leaving = [p for p in exits.from_the_top(there) if exits.way_out(p, there) is not None]
-        fresh = Exits(assembly=assembly, contacts=exits.contacts, count=36)
+        fresh = Exits(graph=exits.graph, count=36)
         assert leaving == [p for p in fresh.from_the_top(there) if fresh.exact_way_out(p, there) is not None]
         if not leaving:
             break
@@ -215,7 +214,7 @@ def test_a_tower_of_139_parts_is_ordered() -> None:
     assembly = load(Path(__file__).parents[2] / "configs" / "lilium_tower.yaml").assembly
     free = [p.name for p in assembly.parts if not p.fixed]
     mixed = reordered(assembly, [free[k] for k in np.random.default_rng(0).permutation(len(free))])
-    found = find_sequence(mixed)
+    found = find_sequence(PartsGraph.of(mixed))
     assert found.status is SequenceStatus.FOUND
     assert sorted(p.part for p in found.placements) == sorted(free)
 

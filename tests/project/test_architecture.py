@@ -149,3 +149,29 @@ def test_a_class_name_tells_one_thing() -> None:
         for name in classes_of(path):
             places.setdefault(name, []).append(name_of(path))
     assert not {name: where for name, where in places.items() if len(where) > 1}
+
+
+def wraps_contacts(node: ast.AST) -> bool:
+    """Return whether `node` makes planar joints of contacts, one after the other."""
+    if isinstance(node, (ast.ListComp, ast.SetComp, ast.GeneratorExp)):
+        return isinstance(node.elt, ast.Call) and called(node.elt) == "planar"
+    return isinstance(node, ast.Call) and called(node) == "map" and "planar" in map(ast.unparse, node.args)
+
+
+def called(call: ast.Call) -> str:
+    return ast.unparse(call.func).split(".")[-1]
+
+
+def test_only_the_parts_graph_says_how_parts_can_move() -> None:
+    """Contacts become planar joints, and normals part motion cones, in one place; everybody else reads the graph."""
+    home = "mocca_robot/motion/parts_graph.py"
+    # Shapes that joints could take are no joints yet: the catalogue centres parts among them.
+    derives = {home, "mocca_robot/geometry/cones.py", "planners/cone_joints/catalogue.py"}
+    for path in MODULES:
+        nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+        wrapping = [n.lineno for n in nodes if isinstance(n, ast.expr) and wraps_contacts(n)]
+        assert name_of(path) == home or not wrapping, f"{name_of(path)}: use PartsGraph.joints in lines {wrapping}"
+        cones = [n.lineno for n in nodes if isinstance(n, ast.Call) and called(n) in ("largest_cone", "PartMotion")]
+        assert name_of(path) in derives or not cones, f"{name_of(path)}: use PartsGraph.motion in lines {cones}"
+    (wrapped,) = ast.parse("[planar(c) for c in report.contacts]").body
+    assert isinstance(wrapped, ast.Expr) and wraps_contacts(wrapped.value)

@@ -26,6 +26,7 @@ from mocca_robot.joints.build2d import build_parts_2d
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.spline import polyline_joint
 from mocca_robot.motion.insertion import InsertionVerdict
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report import cone_plots, drawing2d, drawing3d, figures, pictures, raster
 from mocca_robot.report.comparison import Variant, comparison_page
 from mocca_robot.report.data import ReportData, Tilt, collect
@@ -114,10 +115,11 @@ def solid_data() -> ReportData:
     down = np.array([0.0, 0.0, -1.0])
     ways = tuple(Insertion(p.name, down, np.deg2rad(5.0)) for p in parts[1:])
     design = Design(source=assembly, assembly=assembly, joints=joints, insertion=ways, load_cases=())
-    cases = tuple(solve_case(assembly, contacts, c) for c in load_cases(assembly))
+    graph = PartsGraph.of(assembly, contacts)
+    cases = tuple(solve_case(graph, c) for c in load_cases(graph))
     inserted = tuple(InsertionVerdict(p.name, np.pi / 2, assembly.alpha_rad, (), False) for p in parts[1:])
-    checked = Verification(contacts, cases, inserted, 0.0)
-    steps = [solve_case(assembly, contacts, c) for c in state_cases(assembly)]
+    checked = Verification(graph, cases, inserted, 0.0)
+    steps = [solve_case(graph, c) for c in state_cases(graph)]
     tilts = [Tilt(float(a), 0.1) for a in np.linspace(0, 2 * np.pi, 8, endpoint=False)]
     return collect(design, before=checked, after=checked, states=steps, tilts=tilts, versions={"x": "1"})
 
@@ -262,7 +264,7 @@ def test_unstable_states_need_support_only_where_support_free_was_not_asked_for(
 
 
 def test_neighbours_differ_in_colour(flat: ReportData) -> None:
-    colours = part_colours(flat.design.assembly, flat.after.contacts)
+    colours = part_colours(flat.after.graph)
     free = ~flat.design.assembly.fixed
     for contact in flat.after.contacts:
         i, j = contact.parts

@@ -5,7 +5,7 @@ import pytest
 from physics_models import stack, tongue
 
 from benchmarks.agreement import Comparison, Probe, random_case
-from mocca_robot.contacts.find import find_contacts
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import case_at
 from mocca_robot.statics.loads import tilted_gravity
 from mocca_robot.statics.solution import Status
@@ -41,17 +41,19 @@ def test_a_verdict_agrees_only_where_both_decide_alike() -> None:
 def test_contacts_that_are_too_soft_are_found_to_be_the_cause() -> None:
     """A tongue that stands with fine steps falls with the coarse one alone."""
     assembly = tongue(0.004)
-    contacts = find_contacts(assembly).contacts
+    graph = PartsGraph.of(assembly)
+    contacts = graph.contacts
     scene = tilt_scene(assembly, contact_model(assembly, contacts))
     soft = judged(scene, StabilityLimits(finer=()))
     assert soft.verdict is Verdict.FELL
-    assert cause(assembly, contacts, case_at(assembly, 0.0, 0.0), scene, soft).startswith("soft contacts: stands")
+    assert cause(graph, case_at(assembly, 0.0, 0.0), scene, soft).startswith("soft contacts: stands")
 
 
 def test_a_fall_of_parts_that_press_on_each_other_is_not_excused() -> None:
     """A stack slides because MuJoCo has been given a third of the friction: no clamping could be blamed for that."""
     assembly = stack(3)
-    contacts = find_contacts(assembly).contacts
+    graph = PartsGraph.of(assembly)
+    contacts = graph.contacts
     tilt = np.arctan(0.2)
     scene = with_gravity(
         tilt_scene(assembly, contact_model(assembly, contacts, 0.3), 0.3), tilted_gravity(assembly.gravity, tilt, 0.0)
@@ -59,7 +61,7 @@ def test_a_fall_of_parts_that_press_on_each_other_is_not_excused() -> None:
     scene.model.pair_friction[:, :2] = 0.1
     fell = judged(scene, StabilityLimits(finer=()))
     assert fell.verdict is Verdict.FELL
-    assert cause(assembly, contacts, case_at(assembly, tilt, 0.0), scene, fell).startswith("none found")
+    assert cause(graph, case_at(assembly, tilt, 0.0), scene, fell).startswith("none found")
 
 
 def test_friction_that_only_clamping_would_make_is_found_to_be_the_cause() -> None:

@@ -11,8 +11,8 @@ from solids import box
 from benchmarks.agreement import friction_of, random_probe
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Part, Polygon
-from mocca_robot.contacts.find import find_contacts
 from mocca_robot.joints.joint import contact_rays
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import case_at
 from sim.coulomb.judge import CoulombVerdict, Rubbing, standing
 from sim.coulomb.settle import Course, SettlingOutcome, settle
@@ -25,12 +25,12 @@ SCALES = (1e-3, 1.0, 100.0)
 
 def rubbing(parts: list[Part], friction: float) -> Rubbing:
     assembly = Assembly("rubbing", tuple(parts))
-    return Rubbing(assembly, find_contacts(assembly).contacts, friction)
+    return Rubbing(PartsGraph.of(assembly), friction)
 
 
 def upright(parts: list[Part], friction: float) -> CoulombVerdict:
     rubs = rubbing(parts, friction)
-    return standing(rubs, case_at(rubs.assembly, 0.0, 0.0))
+    return standing(rubs, case_at(rubs.graph.assembly, 0.0, 0.0))
 
 
 def critical_deg(rubs: Rubbing, azimuth_rad: float = 0.0, guess_deg: float = 45.0) -> float:
@@ -139,14 +139,14 @@ def test_five_blocks_overhang_by_the_harmonic_sum(scale: float, share: float, st
 
 def test_forces_of_what_stands_balance_the_weights_inside_their_cones() -> None:
     rubs = rubbing(arch(0.12, 1.0), 0.55)
-    found = standing(rubs, case_at(rubs.assembly, 0.0, 0.0)).settled
-    pairs, _, normals = contact_rays(rubs.contacts)
+    found = standing(rubs, case_at(rubs.graph.assembly, 0.0, 0.0)).settled
+    pairs, _, normals = contact_rays(rubs.graph.contacts)
     pressed = (found.forces * normals).sum(axis=1)
     across = np.linalg.norm(found.forces - pressed[:, None] * normals, axis=1)
     assert (pressed >= 0.0).all()
     assert (across <= 0.55 * pressed + 1e-9 * pressed.max()).all()
-    weight = sum(p.mass for p in rubs.assembly.parts if not p.fixed) * 9.80665
-    on_springers = found.forces[rubs.assembly.fixed[pairs].any(axis=1)].sum(axis=0)
+    weight = sum(p.mass for p in rubs.graph.assembly.parts if not p.fixed) * 9.80665
+    on_springers = found.forces[rubs.graph.assembly.fixed[pairs].any(axis=1)].sum(axis=0)
     assert abs(on_springers[1]) == pytest.approx(weight, rel=1e-5)
     assert found.unbalanced < 1e-6
 
@@ -195,7 +195,7 @@ def test_nothing_free_stands() -> None:
 
 def test_a_run_that_is_cut_short_gives_no_verdict() -> None:
     rubs = rubbing([ground(1.0, 2), block(1.0, 2, 0.8)], 0.5)
-    found = standing(rubs, case_at(rubs.assembly, 0.0, 0.0), Course(most=1000))
+    found = standing(rubs, case_at(rubs.graph.assembly, 0.0, 0.0), Course(most=1000))
     assert found.settled.outcome is SettlingOutcome.UNDECIDED
     assert not found.stands
 
@@ -218,5 +218,5 @@ def test_a_run_that_is_cut_short_gives_no_verdict() -> None:
 def test_random_assemblies_fall_where_they_are_known_to(kind: str, seed: int, known_deg: float) -> None:
     """Forces that could hold them exist up to 76° beyond; the values are of elastic contact solved as cone programs."""
     assembly, azimuth = random_probe(kind, seed)
-    rubs = Rubbing(assembly, find_contacts(assembly).contacts, friction_of(kind, seed))
+    rubs = Rubbing(PartsGraph.of(assembly), friction_of(kind, seed))
     assert critical_deg(rubs, azimuth, known_deg) == pytest.approx(known_deg, abs=0.4)

@@ -14,6 +14,7 @@ from physics_models import box_stack_3d, jointed, rectangle, stack
 from mocca_robot.assembly import Assembly, Mesh, Part, Polygon, signed_area
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import case_at, critical_tilt
 from mocca_robot.statics.equilibrium import equilibrium
 from mocca_robot.statics.loads import case_wrenches
@@ -85,7 +86,8 @@ def test_kept_rays_are_bounded_by_the_resolution():
 
 def test_rays_chosen_for_a_load_hold_what_all_of_them_hold():
     assembly, contacts = jointed(stack(4), 0.3)
-    critical = critical_tilt(assembly, contacts, 0.0)
+    graph = PartsGraph.of(assembly, contacts)
+    critical = critical_tilt(graph, 0.0)
     few = tuple(pair_rays(contacts, 2))
 
     def tilt(chosen) -> float:
@@ -93,11 +95,11 @@ def test_rays_chosen_for_a_load_hold_what_all_of_them_hold():
         points = np.concatenate([p.reduced.points for p in chosen])
         normals = np.concatenate([p.reduced.normals for p in chosen])
         angles = np.linspace(0.0, critical, 50)
-        loads = np.array([case_wrenches(case_at(assembly, a, 0.0), assembly, contacts) for a in angles])
+        loads = np.array([case_wrenches(case_at(assembly, a, 0.0), graph) for a in angles])
         return float(angles[[r.stands for r in equilibrium(pairs, points, normals, loads, fixed=[0])]].max(initial=0.0))
 
     assert tilt(few) < 0.5 * critical
-    chosen = holding(assembly, contacts, few, case_at(assembly, 0.98 * critical, 0.0))
+    chosen = holding(graph, few, case_at(assembly, 0.98 * critical, 0.0))
     assert tilt(chosen) >= 0.96 * critical
     assert sum(p.kept.sum() for p in chosen) < sum(len(p.kept) for p in chosen)
 

@@ -10,6 +10,7 @@ from mocca_robot.assembly import Assembly, Mesh, Part
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
+from mocca_robot.motion.parts_graph import PartsGraph
 from sim.insertion.directions import OUTSIDE, directions, insertion_cone
 from sim.insertion.hand import HAND, HandOptions, PlacingError
 from sim.insertion.trial import LAST_STRETCH, insert
@@ -45,7 +46,7 @@ def trials(assembly, contacts, count=9, **scene):
     for index, part in enumerate(assembly.parts):
         if part.fixed:
             continue
-        cone = insertion_cone(assembly, contacts, index)
+        cone = insertion_cone(PartsGraph.of(assembly, contacts), index)
         ready = insertion_scene(assembly, contacts, cone, **scene)
         for way in directions(cone, count):
             yield insert(ready, way)
@@ -55,7 +56,7 @@ def test_parts_that_are_all_held_are_not_collided_with_each_other():
     # MuJoCo collides what is paired even where neither side can move.
     assembly, contacts = jointed(stack(4))
     top = len(assembly.parts) - 1
-    cone = insertion_cone(assembly, contacts, top)
+    cone = insertion_cone(PartsGraph.of(assembly, contacts), top)
     held = insertion_scene(assembly, contacts, cone).compiled.model
     free = insertion_scene(assembly, contacts, cone, below="free").compiled.model
     assert held.npair == 0 and free.npair > 0
@@ -84,7 +85,7 @@ def test_play_frees_the_part_entirely(clearance):
 @pytest.mark.parametrize("error", [PlacingError((5e-4,)), PlacingError((-5e-4,)), PlacingError((), np.deg2rad(1.0))])
 def test_the_grips_error_costs_no_more_than_its_springs(error):
     assembly, contacts = jointed(stack(1))
-    cone = insertion_cone(assembly, contacts, 1)
+    cone = insertion_cone(PartsGraph.of(assembly, contacts), 1)
     found = insert(insertion_scene(assembly, contacts, cone), directions(cone, 1)[0], error=error)
     assert found.succeeded, found.reason
     assert found.peak_force > 0.1 * found.allowed_force
@@ -92,7 +93,7 @@ def test_the_grips_error_costs_no_more_than_its_springs(error):
 
 def test_parts_below_that_are_free_stay_where_they_are():
     assembly, contacts = jointed(stack(3))
-    cone = insertion_cone(assembly, contacts, 3)
+    cone = insertion_cone(PartsGraph.of(assembly, contacts), 3)
     ready = insertion_scene(assembly, contacts, cone, below="free")
     inside = [insert(ready, way) for way in directions(cone, 3) if way.kind != "outside"]
     assert all(t.succeeded and t.below == "free" and not t.moved_below for t in inside)
@@ -100,7 +101,7 @@ def test_parts_below_that_are_free_stay_where_they_are():
 
 def test_a_seat_that_sinks_is_met_gently_and_held_ones_do_not_sink():
     assembly, contacts = jointed(stack(3))
-    cone = insertion_cone(assembly, contacts, 3)
+    cone = insertion_cone(PartsGraph.of(assembly, contacts), 3)
     free, held = (insertion_scene(assembly, contacts, cone, below=b) for b in ("free", "held"))
     assert held.sunk == 0.0 and held.finer == free.finer == 1.0
     assert 0.0 < free.sunk < 1e-3 * np.ptp(assembly.parts[3].shape.bounds, axis=0).max()
@@ -113,7 +114,7 @@ def test_a_seat_that_sinks_is_met_gently_and_held_ones_do_not_sink():
 
 def test_what_does_not_keep_its_place_gets_a_finer_step(monkeypatch):
     assembly, contacts = jointed(stack(3))
-    cone = insertion_cone(assembly, contacts, 3)
+    cone = insertion_cone(PartsGraph.of(assembly, contacts), 3)
     coarse = insertion_scene(assembly, contacts, cone, below="free")
     monkeypatch.setattr(
         "sim.insertion.trial_scene.KEEPS", 0.5 * coarse.sunk / np.ptp(assembly.parts[3].shape.bounds, axis=0).max()
@@ -125,14 +126,14 @@ def test_what_does_not_keep_its_place_gets_a_finer_step(monkeypatch):
 
 def test_a_part_driven_from_outside_pushes_free_parts_away():
     assembly, contacts = jointed(stack(2), 0.3)
-    cone = insertion_cone(assembly, contacts, 2)
+    cone = insertion_cone(PartsGraph.of(assembly, contacts), 2)
     ready = insertion_scene(assembly, contacts, cone, below="free")
     assert not any(insert(ready, way).succeeded for way in directions(cone, 1) if way.kind == "outside")
 
 
 def test_negative_controls_lie_exactly_outside():
     assembly, contacts = jointed(stack(1), 0.2, 0.1)
-    cone = insertion_cone(assembly, contacts, 1)
+    cone = insertion_cone(PartsGraph.of(assembly, contacts), 1)
     for way in directions(cone, 5):
         margin = np.arcsin((cone.normals @ -way.vector).min())
         expected = margin <= -OUTSIDE + 1e-9 and margin > -OUTSIDE - np.deg2rad(0.2)
@@ -146,7 +147,7 @@ def test_a_blocked_part_has_no_way_inside():
     closed = (*contacts, Contact((0, 1), contacts[0].polygon[::-1] + np.array([0, WIDTH]), -contacts[0].normal))
     shut = (*closed, Contact((0, 1), np.array([[0, 0], [0, WIDTH]]), np.array([1.0, 0.0])))
     shut = (*shut, Contact((0, 1), np.array([[WIDTH, WIDTH], [WIDTH, 0]]), np.array([-1.0, 0.0])))
-    cone = insertion_cone(assembly, shut, 1, np.array([0.6, -0.8]))
+    cone = insertion_cone(PartsGraph.of(assembly, shut, {assembly.parts[1].name: np.array([0.6, -0.8])}), 1)
     assert cone.realised_rad < 0
     assert all(w.kind == "outside" for w in directions(cone, 5))
 
@@ -154,12 +155,12 @@ def test_a_blocked_part_has_no_way_inside():
 def test_clearance_that_leaves_nothing_is_refused():
     assembly, contacts = jointed(stack(1))
     with pytest.raises(InputError, match="Nothing of part 'b0' is left"):
-        insertion_scene(assembly, contacts, insertion_cone(assembly, contacts, 1), clearance=0.03)
+        insertion_scene(assembly, contacts, insertion_cone(PartsGraph.of(assembly, contacts), 1), clearance=0.03)
 
 
 def test_a_stiffer_hand_pushes_harder_outside():
     assembly, contacts = jointed(stack(1))
-    cone = insertion_cone(assembly, contacts, 1)
+    cone = insertion_cone(PartsGraph.of(assembly, contacts), 1)
     way = next(w for w in directions(cone, 1) if w.kind == "outside")
     forces = []
     for stiffness in (300.0, 1250.0):
@@ -179,7 +180,7 @@ def test_solids_go_in_inside_their_cone_only(model):
 
 def test_the_ridges_cone_is_45_degrees_wide():
     assembly, contacts = ridge()
-    assert insertion_cone(assembly, contacts, 1).realised_rad == pytest.approx(np.pi / 4)
+    assert insertion_cone(PartsGraph.of(assembly, contacts), 1).realised_rad == pytest.approx(np.pi / 4)
 
 
 def bumped_cubes(height: float) -> tuple[Assembly, tuple[Contact, ...]]:
@@ -207,7 +208,7 @@ def test_a_curved_solid_joint_lets_in_and_holds_what_its_cone_says(height):
     assert len(outside) == 8 and not any(t.succeeded for t in outside)
     compiled = tilt_scene(assembly, facets(contacts))
     for azimuth in (0.0, np.pi / 4):
-        tilt = physical_tilt(compiled, contacts, azimuth)
+        tilt = physical_tilt(compiled, PartsGraph.of(assembly, contacts), azimuth)
         assert tilt.statics_rad > np.deg2rad(5.0)
         assert abs(tilt.critical_rad - tilt.statics_rad) < np.deg2rad(1.5)
 
@@ -224,6 +225,6 @@ def test_resting_flat_parts_meet_only_where_they_share_a_contact_and_the_driven_
 def test_the_hand_is_where_it_should_be_after_every_step():
     """Commands computed once for the whole path: without contact the part follows to rounding."""
     assembly, contacts = jointed(stack(2))
-    cone = insertion_cone(assembly, contacts, 2)
+    cone = insertion_cone(PartsGraph.of(assembly, contacts), 2)
     found = insert(insertion_scene(assembly, contacts, cone), directions(cone, 1)[0])
     assert found.succeeded and found.tracking_error < 1e-9

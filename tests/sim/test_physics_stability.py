@@ -13,6 +13,7 @@ from benchmarks.random_assemblies import random_assembly
 from mocca_robot.assembly import Assembly, Part
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import case_at, critical_tilt, solve_case
 from mocca_robot.statics.loads import state_cases, tilted_gravity
 from mocca_robot.statics.solution import Status
@@ -38,18 +39,20 @@ def let_go(assembly, angle=0.0, friction=0.0, model=None):
 @pytest.mark.parametrize("kind", ["pieces", "facets"])
 def test_a_block_slides_down_a_slope_from_atan_mu(friction, side, kind):
     block = stack(1)
-    contacts = find_contacts(block).contacts
+    graph = PartsGraph.of(block)
+    contacts = graph.contacts
     model = pieces(block) if kind == "pieces" else facets(contacts)
     angle = np.arctan(friction) + side * np.deg2rad(0.5)
     assert let_go(block, angle, friction, model).stands == (side < 0)
-    assert solve_case(block, contacts, case_at(block, angle, 0.0), friction).result.stands == (side < 0)
+    assert solve_case(graph, case_at(block, angle, 0.0), friction).result.stands == (side < 0)
 
 
 @pytest.mark.parametrize("blocks", [1, 3, 10])
 def test_a_stack_tips_over_at_atan_width_over_height(blocks):
     assembly = stack(blocks)
-    contacts = find_contacts(assembly).contacts
-    found = physical_tilt(tilt_scene(assembly, facets(contacts), 2.0), contacts, 0.0)
+    graph = PartsGraph.of(assembly)
+    contacts = graph.contacts
+    found = physical_tilt(tilt_scene(assembly, facets(contacts), 2.0), graph, 0.0)
     assert found.critical_rad == pytest.approx(np.arctan(1 / blocks), abs=np.deg2rad(0.5))
     assert not found.failed
 
@@ -58,8 +61,9 @@ def test_a_stack_tips_over_at_atan_width_over_height(blocks):
 def test_an_arch_stands_from_its_least_thickness(thickness, stands):
     """27 voussoirs over a half circle of radius 1, friction 0.55: the limit is about 0.1075, in both engines."""
     assembly = semicircle(thickness)
-    contacts = find_contacts(assembly).contacts
-    assert solve_case(assembly, contacts, case_at(assembly, 0.0, 0.0), 0.55).result.stands == stands
+    graph = PartsGraph.of(assembly)
+    contacts = graph.contacts
+    assert solve_case(graph, case_at(assembly, 0.0, 0.0), 0.55).result.stands == stands
     assert let_go(assembly, 0.0, 0.55, contact_model(assembly, contacts, 0.55)).stands == stands
 
 
@@ -67,8 +71,9 @@ def test_an_arch_stands_from_its_least_thickness(thickness, stands):
 def test_shifted_cubes_stand_up_to_their_overhang_limit(share, stands):
     """Ten cubes, each shifted by a share of its width: the limit is 0.10, in both engines."""
     assembly = stack(10, share * WIDTH)
-    contacts = find_contacts(assembly).contacts
-    assert solve_case(assembly, contacts, case_at(assembly, 0.0, 0.0), 0.5).result.stands == stands
+    graph = PartsGraph.of(assembly)
+    contacts = graph.contacts
+    assert solve_case(graph, case_at(assembly, 0.0, 0.0), 0.5).result.stands == stands
     found = let_go(assembly, 0.0, 0.5, facets(contacts))
     assert found.stands == stands
     assert bool(found.moved) == (not stands)
@@ -78,18 +83,20 @@ def test_shifted_cubes_stand_up_to_their_overhang_limit(share, stands):
 @pytest.mark.parametrize("azimuth", [0.0, np.pi])
 def test_curved_joints_let_go_where_statics_says(height, lean, azimuth):
     assembly, contacts = jointed(stack(3), height, lean)
+    graph = PartsGraph.of(assembly, contacts)
     for model in (pieces(assembly, contacts), facets(contacts)):
-        found = physical_tilt(tilt_scene(assembly, model), contacts, azimuth)
-        assert found.statics_rad == critical_tilt(assembly, contacts, azimuth)
+        found = physical_tilt(tilt_scene(assembly, model), graph, azimuth)
+        assert found.statics_rad == critical_tilt(graph, azimuth)
         assert abs(found.critical_rad - found.statics_rad) < np.deg2rad(0.5)
         assert found.moved and not found.failed
 
 
 def test_solids_tip_over_where_statics_says():
     assembly, contacts = box_stack_3d(3)
+    graph = PartsGraph.of(assembly, contacts)
     compiled = tilt_scene(assembly, facets(contacts), 2.0)
     for azimuth in (0.0, np.pi / 4, np.pi):
-        found = physical_tilt(compiled, contacts, azimuth)
+        found = physical_tilt(compiled, graph, azimuth)
         assert abs(found.critical_rad - found.statics_rad) < np.deg2rad(1.0)
     assert found.critical_rad == pytest.approx(np.arctan(1 / 3), abs=np.deg2rad(0.5))
 
@@ -104,9 +111,10 @@ def test_a_solid_slides_from_atan_mu(side):
 def test_every_state_agrees_with_statics_also_where_it_falls():
     """The fourth block hangs over too far; a fifth on top cannot save it."""
     assembly = stack(5, 0.3 * WIDTH)
-    contacts = find_contacts(assembly).contacts
+    graph = PartsGraph.of(assembly)
+    contacts = graph.contacts
     model = contact_model(assembly, contacts, 0.5)
-    results = [state_verdict(assembly, model, contacts, case, 0.5) for case in state_cases(assembly)]
+    results = [state_verdict(graph, model, case, 0.5) for case in state_cases(graph)]
     assert [r.placed for r in results] == [p.name for p in assembly.parts if not p.fixed]
     assert all(agree(r.verdict, r.statics) for r in results)
     assert results[0].stands and not results[-1].stands
@@ -158,8 +166,9 @@ def test_a_run_that_gains_energy_is_failed():
 def test_contacts_under_many_times_the_weight_still_hold():
     """Walls of 4 mm hold an arm of 200 mm by a couple of forces 25 times its weight, and by nothing else."""
     assembly = tongue(0.004)
-    contacts = find_contacts(assembly).contacts
-    forces = solve_case(assembly, contacts, case_at(assembly, 0.0, 0.0)).result
+    graph = PartsGraph.of(assembly)
+    contacts = graph.contacts
+    forces = solve_case(graph, case_at(assembly, 0.0, 0.0)).result
     assert forces.status is Status.EQUILIBRIUM
     assert forces.forces.max() > 20.0 * assembly.parts[1].mass * 9.81
     scene = free_scene(assembly, pieces(assembly, contacts))
@@ -172,17 +181,19 @@ def test_contacts_under_many_times_the_weight_still_hold():
 def test_the_tilt_search_goes_on_above_falls_that_finer_steps_do_not_confirm():
     """Without them the tongue falls upright. It stands, but any tilt away from its wall lets it slide out."""
     assembly = tongue(0.004)
-    contacts = find_contacts(assembly).contacts
+    graph = PartsGraph.of(assembly)
+    contacts = graph.contacts
     compiled = tilt_scene(assembly, pieces(assembly, contacts))
-    assert physical_tilt(compiled, contacts, 0.0, limits=StabilityLimits(finer=())).critical_rad == 0.0
-    assert 0.0 < physical_tilt(compiled, contacts, 0.0).critical_rad < RESOLUTION
+    assert physical_tilt(compiled, graph, 0.0, limits=StabilityLimits(finer=())).critical_rad == 0.0
+    assert 0.0 < physical_tilt(compiled, graph, 0.0).critical_rad < RESOLUTION
 
 
 def test_creep_of_friction_is_no_fall_where_statics_holds():
     """Half a degree below its critical tilt this arch creeps, ten times slower with a tenth of the step."""
     assembly = random_assembly("arch", 7)
-    contacts = find_contacts(assembly).contacts
-    critical = critical_tilt(assembly, contacts, 0.0, 0.6)
+    graph = PartsGraph.of(assembly)
+    contacts = graph.contacts
+    critical = critical_tilt(graph, 0.0, 0.6)
     scene = tilt_scene(assembly, facets(contacts, friction=0.6), 0.6)
     limits = StabilityLimits(finer=(3.0,), finest=30.0)
 
@@ -199,9 +210,10 @@ def test_creep_of_friction_is_no_fall_where_statics_holds():
 def test_wedged_parts_hold_up_to_where_statics_says():
     """A keystone between leaning faces: contacts that chatter while they slide let it creep out, degrees too early."""
     assembly = random_assembly("arch", 3)
-    contacts = find_contacts(assembly).contacts
+    graph = PartsGraph.of(assembly)
+    contacts = graph.contacts
     scene = tilt_scene(assembly, facets(contacts, friction=0.6), 0.6)
-    gravity = tilted_gravity(assembly.gravity, critical_tilt(assembly, contacts, 0.0, 0.6) - np.deg2rad(0.5))
+    gravity = tilted_gravity(assembly.gravity, critical_tilt(graph, 0.0, 0.6) - np.deg2rad(0.5))
     tilted = with_gravity(scene, gravity)
     assert at_once(tilted).verdict is Verdict.FELL, "one run decides already: nothing is shown here"
     assert judged(tilted).stands
@@ -237,9 +249,10 @@ def test_sliding_contacts_do_not_hop(side):
 
 def test_a_critical_tilt_says_how_finely_it_is_known_and_both_ends_were_run():
     assembly = stack(3)
-    contacts = find_contacts(assembly).contacts
+    graph = PartsGraph.of(assembly)
+    contacts = graph.contacts
     model = pieces(assembly, contacts)
-    found = physical_tilt(tilt_scene(assembly, model), contacts, 0.0)
+    found = physical_tilt(tilt_scene(assembly, model), graph, 0.0)
     assert 0.0 < found.within_rad <= 0.5 * RESOLUTION
     for side, stands in ((-1.0, True), (1.0, False)):
         assert let_go(assembly, found.critical_rad + side * found.within_rad, model=model).stands is stands

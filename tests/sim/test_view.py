@@ -10,8 +10,8 @@ import pytest
 from benchmarks.random_assemblies import random_assembly, random_solid
 from mocca_robot.assembly import Assembly
 from mocca_robot.cli import main
-from mocca_robot.contacts.find import find_contacts
 from mocca_robot.files.assembly_json import write_assembly
+from mocca_robot.motion.parts_graph import PartsGraph
 from sim.shapes.contact_model import embed
 from sim.show.view import poses, shown
 
@@ -20,7 +20,7 @@ from sim.show.view import poses, shown
     "assembly", [random_assembly("wall", 1), random_solid("solid_stack", 0)], ids=("flat", "solid")
 )
 def test_finished_parts_stand_in_their_places_and_absent_ones_are_hidden(assembly: Assembly) -> None:
-    what = shown(assembly, find_contacts(assembly).contacts)
+    what = shown(PartsGraph.of(assembly))
     places = np.array([embed(p.centroid) for p in assembly.parts])
     done = poses(what, float(len(assembly.parts)), 0.0, 0.0)
     assert np.allclose([p for p, _, _ in done], places) and all(visible for _, _, visible in done)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from benchmarks.random_assemblies import random_assembly, random_solid
 from mocca_robot.assembly import Assembly
-from mocca_robot.contacts.find import find_contacts
+from mocca_robot.motion.parts_graph import PartsGraph
 from sim.show.view import export_page, open_viewer, shown
 
 pytestmark = pytest.mark.browser
@@ -55,7 +55,7 @@ def press(watched: Watched, label: str, key: str) -> None:
 
 @pytest.mark.parametrize("assembly", [random_assembly("stack", 1), random_solid("blocks", 0)], ids=("flat", "solid"))
 def test_every_slider_moves_parts_and_the_console_stays_clean(assembly: Assembly) -> None:
-    server: Any = open_viewer(shown(assembly, find_contacts(assembly).contacts), 0)
+    server: Any = open_viewer(shown(PartsGraph.of(assembly)), 0)
     try:
         with chromium() as watched:
             watched.page.goto(f"http://127.0.0.1:{server.get_port()}")
@@ -79,7 +79,7 @@ def test_every_slider_moves_parts_and_the_console_stays_clean(assembly: Assembly
 
 def test_the_exported_page_plays_from_a_file(tmp_path: Path) -> None:
     assembly = random_assembly("stack", 1)
-    page = export_page(shown(assembly, find_contacts(assembly).contacts), tmp_path / "page.html")
+    page = export_page(shown(PartsGraph.of(assembly)), tmp_path / "page.html")
     with chromium() as watched:
         watched.page.goto(page.as_uri())
         watched.page.wait_for_selector("canvas")

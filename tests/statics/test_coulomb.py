@@ -12,10 +12,10 @@ from benchmarks.agreement import LOCKED_FRICTIONS, LOCKED_KINDS, PLAIN_FRICTIONS
 from benchmarks.cases import arch
 from benchmarks.random_assemblies import SOLID_KINDS, random_assembly, random_solid
 from mocca_robot.arrays import Array
-from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.geometry.cones import cross
 from mocca_robot.joints.joint import contact_rays
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import case_at, critical_tilt
 from mocca_robot.statics.coulomb import standing
 from mocca_robot.statics.coulomb_tilt import largest_tilt
@@ -245,16 +245,16 @@ def random_case(name: str) -> tuple[FrictionalContacts, Callable[[float], Array]
     azimuth = float(rng.choice([0.0, np.pi]) if assembly.dimension == 2 else rng.uniform(0.0, 2.0 * np.pi))
     frictions = LOCKED_FRICTIONS if kind in (*LOCKED_KINDS, "peaks") else PLAIN_FRICTIONS
     friction = frictions[seed % len(frictions)]
-    contacts = find_contacts(assembly).contacts
+    graph = PartsGraph.of(assembly)
     about = np.array([p.centroid for p in assembly.parts])
     made = FrictionalContacts.of(
-        *contact_rays(contacts), ~assembly.fixed, friction, about=about, length=assembly.size / 2
+        *contact_rays(graph.contacts), ~assembly.fixed, friction, about=about, length=assembly.size / 2
     )
 
     def load(tilt: float) -> Array:
-        return case_wrenches(case_at(assembly, tilt, azimuth), assembly, contacts)
+        return case_wrenches(case_at(assembly, tilt, azimuth), graph)
 
-    return made, load, critical_tilt(assembly, contacts, azimuth, friction)
+    return made, load, critical_tilt(graph, azimuth, friction)
 
 
 TILTS = {

@@ -12,6 +12,7 @@ from mocca_robot.assembly import Assembly, Polygon, SupportFree
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.files.design_json import StoredDesign
 from mocca_robot.geometry.polygons import to_shapely
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import insertion_rim, sweep_blockers
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import load_cases, state_cases
@@ -55,12 +56,12 @@ def test_the_input_is_not_in_equilibrium(result: Result) -> None:
 
 def test_every_required_case_of_the_files_is_in_equilibrium(result: Result) -> None:
     built = result.stored.assembly
-    contacts = find_contacts(built).contacts
-    cases = list(load_cases(built, result.source.goals))
+    graph = PartsGraph.of(built)
+    cases = list(load_cases(graph, result.source.goals))
     if any(isinstance(g, SupportFree) for g in result.source.goals):
-        assert len(cases) == len(state_cases(built))
+        assert len(cases) == len(state_cases(graph))
     for case in cases:
-        verdict = solve_case(built, contacts, case)
+        verdict = solve_case(graph, case)
         assert verdict.result.stands, f"{case.name}: {verdict.moving} move, E = {verdict.result.infeasibility:.2g}"
         assert verdict.result.kkt < 1e-6
 
@@ -71,13 +72,14 @@ def test_forces_of_the_files_balance_every_part(result: Result) -> None:
     from mocca_robot.statics.loads import case_wrenches
 
     built = result.stored.assembly
-    contacts = find_contacts(built).contacts
+    graph = PartsGraph.of(built)
+    contacts = graph.contacts
     pairs, points, normals = contact_rays(contacts)
     weight = sum(p.mass for p in built.parts) * float(np.linalg.norm(built.gravity))
-    for case in load_cases(built):
-        forces = solve_case(built, contacts, case).result.forces
+    for case in load_cases(graph):
+        forces = solve_case(graph, case).result.forces
         assert forces.min() >= -1e-9 * weight
-        total = case_wrenches(case, built, contacts).copy()
+        total = case_wrenches(case, graph).copy()
         vectors = forces[:, None] * normals
         torques = points[:, 0] * vectors[:, 1] - points[:, 1] * vectors[:, 0]
         for side, sign in ((1, 1.0), (0, -1.0)):
