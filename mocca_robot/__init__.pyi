@@ -17,7 +17,8 @@ from .files.assembly_json import read_assembly, write_assembly
 from .files.compas_read import assembly_from_compas
 from .files.compas_write import write_compas
 from .files.design_json import read_design, write_design
-from .files.meshes import read_parts, write_glb, write_parts
+from .files.mesh_write import write_glb, write_parts
+from .files.meshes import read_parts
 from .generators import generate
 from .geometry.cones import MotionCone, extreme_rays, generalized_normals, largest_cone
 from .joints.joint import Joint

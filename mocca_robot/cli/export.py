@@ -160,7 +160,7 @@ def _document(kind: str, assembly: Assembly, target: Path) -> Path:
 
 def _meshes(args: argparse.Namespace, assembly: Assembly, stem: str) -> tuple[list[Path], list[str]]:
     from mocca_robot.fabrication.clearance import with_clearance
-    from mocca_robot.files.meshes import write_glb, write_parts
+    from mocca_robot.files.mesh_write import write_glb, write_parts
     from mocca_robot.files.output import safe_file_names
     from mocca_robot.geometry.extrusion import surface
 

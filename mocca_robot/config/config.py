@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -155,11 +155,16 @@ def _model(given: Mapping[str, Any], written: Mapping[str, Any], folder: Path, w
     target = folder / given["model"]
     if target.suffix.lower() in (".yaml", ".yml"):
         raise InputError(f"{where}: model is the configuration '{written['model']}'; name a file that holds parts.")
-    return read_model(target, units, scale)
+    rigid = given.get("rigid", ())
+    model = read_model(target, units, scale, rigid)
+    for name in rigid:
+        fields.known_name(name, model.assembly.sequence, f"{where}: rigid")
+    return model
 
 
 def _assembly(model: Model, given: Mapping[str, Any], where: str, unit_m: float) -> Assembly:
     assembly = model.assembly
+    given = {**given, **{k: _bodies_of(model, given[k]) for k in ("fixed", "sequence") if k in given}}
     parts = _parts(assembly.parts, given, where, unit_m)
     if "sequence" in given:
         parts = in_sequence(parts, given["sequence"], f"{where}: sequence")
@@ -178,6 +183,11 @@ def _assembly(model: Model, given: Mapping[str, Any], where: str, unit_m: float)
         if isinstance(goal, Interlocking):
             fields.known_name(goal.key, [p.name for p in parts], f"{where}: goal: key")
     return replace(assembly, **changes)
+
+
+def _bodies_of(model: Model, names: Sequence[str]) -> tuple[str, ...]:
+    """Return `names` with the parts that a name of the file stands for in its place."""
+    return tuple(dict.fromkeys(part for name in names for part in model.bodies.get(name, (name,))))
 
 
 def _parts(parts: tuple[Part, ...], given: Mapping[str, Any], where: str, unit_m: float) -> tuple[Part, ...]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ class Model:
         given: which of 'sequence', 'goal', 'alpha_deg', 'gravity', 'fixed' the model itself states.
         insertion: insertion directions that the model states, by part.
         notes: what was repaired or left out.
+        bodies: names in the file that hold several parts → these parts.
     """
 
     assembly: Assembly
@@ -37,10 +38,13 @@ class Model:
     given: frozenset[str] = frozenset()
     insertion: Mapping[str, Array] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    bodies: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-def read_model(path: Path, units: str | None, scale: float | None) -> Model:
+def read_model(path: Path, units: str | None, scale: float | None, rigid: Collection[str] = ()) -> Model:
     """Return the parts in a drawing, an assembly or design file, a mesh file or a folder of meshes.
+
+    What a mesh file calls by a name in `rigid` is one part, however many bodies it has.
 
     `units` is required where the file says none, and has to agree where it does. Meshes of a size that looks like a
     wrong unit are refused unless somebody gave a `scale`, 1 included. Raises InputError.
@@ -51,13 +55,13 @@ def read_model(path: Path, units: str | None, scale: float | None) -> Model:
     suffix = path.suffix.lower().lstrip(".")
     if path.is_dir():
         design = path / "design.json"
-        return _from_json(design, units, scale) if design.is_file() else _from_meshes(path, units, scale, meant)
+        return _from_json(design, units, scale) if design.is_file() else _from_meshes(path, units, scale, meant, rigid)
     if suffix in ("svg", "dxf"):
         return _from_drawing(path, units, scale)
     if suffix == "json":
         return _from_json(path, units, scale)
     if suffix in MODEL_FILES:
-        return _from_meshes(path, units, scale, meant)
+        return _from_meshes(path, units, scale, meant, rigid)
     known = ", ".join(f".{m}" for m in MODEL_FILES)
     raise InputError(f"'{path}' ends in '.{suffix}', which is no model; use one of {known}, or a folder of meshes.")
 
@@ -161,11 +165,11 @@ def _require_same_unit(where: str, unit: str, declared: str | None) -> None:
         raise InputError(f"{where} is in {unit}, but the configuration says units: {declared}; remove one of the two.")
 
 
-def _from_meshes(path: Path, units: str | None, scale: float, any_size: bool) -> Model:
+def _from_meshes(path: Path, units: str | None, scale: float, any_size: bool, rigid: Collection[str]) -> Model:
     from mocca_robot.files.meshes import read_parts
 
     try:
-        meshes = read_parts(path, units, any_size=any_size)
+        meshes = read_parts(path, units, any_size=any_size, rigid=rigid)
     except (OSError, UnicodeError, RecursionError, MemoryError, np.linalg.LinAlgError) as error:
         raise InputError(f"'{path}' cannot be read: {error}; export it again.") from None
     parts = tuple(Part(m.name, m.mesh) for m in meshes)
@@ -174,6 +178,9 @@ def _from_meshes(path: Path, units: str | None, scale: float, any_size: bool) ->
     unit = units or "m"
     notes = tuple(f"part '{m.name}': {note}" for m in meshes for note in m.notes)
     model = scaled(Assembly(path.stem, parts), scale)
-    return Model(
-        assembly=replace(model, parts=model.parts), unit_m=fields.UNITS_M.get(unit, 1.0), unit=unit, notes=notes
-    )
+    bodies: dict[str, tuple[str, ...]] = {}
+    for m in meshes:
+        bodies[m.object] = (*bodies.get(m.object, ()), m.name)
+    several = {name: mine for name, mine in bodies.items() if len(mine) > 1}
+    unit_m = fields.UNITS_M.get(unit, 1.0)
+    return Model(assembly=model, unit_m=unit_m, unit=unit, notes=notes, bodies=several)

@@ -75,6 +75,13 @@ KEYS: tuple[Key, ...] = (
         above=0.0,
         high=1e6,
     ),
+    Key(
+        "rigid",
+        "names",
+        [],
+        "",
+        "Objects of a mesh file that are one part each, however many separate bodies they hold.",
+    ),
     Key("fixed", "names", None, "", "Parts that stand on the ground; replaces what the model says."),
     Key("sequence", "names", None, "", "Every free part in the order of assembly; default: the order of the model."),
     Key(

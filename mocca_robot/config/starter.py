@@ -15,8 +15,8 @@ from mocca_robot.config.schema import KEYS
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.documents import existing_path, parse_json, read_text, yaml_text
+from mocca_robot.files.mending import closes
 from mocca_robot.files.meshes import FORMATS as MESH_FORMATS
-from mocca_robot.files.meshes import count_open_edges
 
 DRAWING = """<?xml version="1.0" encoding="UTF-8"?>
 <!-- One closed path per part; its id is the part's name. Parts that touch share an edge, straight or curved.
@@ -84,7 +84,7 @@ def _obj_source(path: Path) -> Source:
     groups = read_obj(path)
     if not any(g.faces for g in groups):
         return Source(FRAME, path, _shortest_rod(path))
-    if all(count_open_edges(g.triangles()) == 0 for g in groups if g.faces):
+    if all(closes(g.vertices, g.triangles()[0]) for g in groups if g.faces):
         return Source(PARTS, path)
     used = sorted({v for g in groups for face in g.faces for v in face})
     return Source(SHELL, path, float(np.linalg.norm(np.ptp(groups[0].vertices[used], axis=0))))

@@ -184,7 +184,7 @@ def _mesh(data: object, spoken: str, unit: str, folder: Path, notes: list[str]) 
     if not isinstance(data, str) or not data or not data.isprintable():
         raise InputError(f"{spoken}: mesh must be the path of a file, not {fields.shown(data)}.")
     try:
-        named = read_mesh(folder / data, unit, any_size=True)
+        named = read_mesh(folder / data, unit)
     except (OSError, UnicodeError, RecursionError) as error:
         raise InputError(f"{spoken}: the mesh '{data}' cannot be read: {error}.") from None
     notes.extend(f"{spoken}: {note}" for note in named.notes)
@@ -236,7 +236,7 @@ def write_meshes(assembly: Assembly, folder: Path, inside: str) -> dict[str, str
     """
     if assembly.dimension == 2:
         return {}
-    from mocca_robot.files.meshes import write_part
+    from mocca_robot.files.mesh_write import write_part
     from mocca_robot.files.output import moved_into_place
 
     stems = safe_file_names(assembly.sequence)

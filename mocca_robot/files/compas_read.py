@@ -17,8 +17,8 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Part
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
-from mocca_robot.files.meshes import repaired
-from mocca_robot.files.obj import triangulate
+from mocca_robot.files.mending import repaired
+from mocca_robot.geometry.polygon_cut import triangulated
 
 ASSEMBLIES = ("Assembly", "CRA_Assembly")
 MODELS = ("Model", "BlockModel")
@@ -59,11 +59,9 @@ def assembly_from_compas(data: object, name: str, where: str, unit_m: float) -> 
     parts, notes = [], []
     for k, block in enumerate(blocks):
         called = fields.part_name(block.name, f"{where}: block {k}: name") if distinct else f"block_{k:03d}"
-        triangles = [t for face in block.faces for t in triangulate(block.vertices, face)]
+        triangles, _ = triangulated(block.vertices, block.faces)
         try:
-            mesh, repairs = repaired(
-                called, block.vertices * unit_m, np.array(triangles, dtype=np.int64).reshape(-1, 3)
-            )
+            mesh, repairs = repaired(called, block.vertices * unit_m, triangles)
         except InputError as error:
             raise InputError(f"{where}: {error}") from None
         parts.append(Part(called, mesh, block.density, block.fixed))

@@ -66,6 +66,20 @@ def read_text(path: Path, limit: int = MAX_TEXT_BYTES) -> str:
     return text
 
 
+def decoded(content: bytes) -> tuple[str, str]:
+    """Return the text in `content`, and a note where it is not UTF-8, else ''.
+
+    What is neither UTF-8 nor UTF-16 is read as Western European (Windows-1252), which takes any byte.
+    """
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return content.decode("utf-16", errors="replace"), "text in UTF-16"
+    try:
+        return content.decode("utf-8-sig"), ""
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", errors="replace")
+        return text, "names that are not UTF-8 read as Western European (Windows-1252)"
+
+
 def parse_json(text: str, where: str) -> Any:
     """Return the plain data of a JSON text; NaN and repeated keys are errors.
 

@@ -11,7 +11,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import Mesh
 from mocca_robot.fabrication.cut import dxf_text, svg_text
 from mocca_robot.fabrication.sheet import CutPart, Sheet
-from mocca_robot.files.meshes import write_part
+from mocca_robot.files.mesh_write import write_part
 from mocca_robot.files.output import write_atomic
 from planners.robot.cell import RobotCell
 from planners.robot.site import Site

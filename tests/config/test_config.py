@@ -161,7 +161,7 @@ def test_an_assembly_file_loads_directly_and_its_own_words_count(folder: Path) -
 
 def test_a_folder_of_meshes_loads_with_units_and_fixed_parts(folder: Path) -> None:
     from mocca_robot.assembly import Mesh
-    from mocca_robot.files.meshes import write_part
+    from mocca_robot.files.mesh_write import write_part
 
     corners = np.array([[x, y, z] for x in (0, 1.0) for y in (0, 1.0) for z in (0, 1.0)])
     faces = np.array(

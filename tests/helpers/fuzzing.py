@@ -23,7 +23,7 @@ from mocca_robot.cli import main
 from mocca_robot.config.starter import DRAWING
 from mocca_robot.files.assembly_json import write_assembly
 from mocca_robot.files.compas_write import write_compas
-from mocca_robot.files.meshes import write_glb, write_part
+from mocca_robot.files.mesh_write import write_glb, write_part
 from mocca_robot.plan.plan import write_plan
 
 ROOT = Path(__file__).parents[2]
