@@ -84,9 +84,9 @@ def _obj_source(path: Path) -> Source:
     groups = read_obj(path)
     if not any(g.faces for g in groups):
         return Source(FRAME, path, _shortest_rod(path))
-    if all(closes(g.vertices, g.triangles()[0]) for g in groups if g.faces):
-        return Source(PARTS, path)
     used = sorted({v for g in groups for face in g.faces for v in face})
+    if not used or all(closes(g.vertices, g.triangles()[0]) for g in groups if g.faces):
+        return Source(PARTS, path)
     return Source(SHELL, path, float(np.linalg.norm(np.ptp(groups[0].vertices[used], axis=0))))
 
 
