@@ -17,9 +17,14 @@ from mocca_robot.motion.insertion import insertion_verdicts
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report.markup import plural
 from mocca_robot.statics.cases import CaseVerdict, critical_tilts, solve_case
+from mocca_robot.statics.coulomb_tilt import FrictionTilt
+from mocca_robot.statics.friction_cases import TANGENTIAL_BAND, tilt_band, tilt_with_friction
 from mocca_robot.statics.loads import load_cases, state_cases, tilt_azimuths
 from mocca_robot.statics.mobility import Mobility, mobility
 from mocca_robot.verdicts.verification import Verification, part_overlap
+
+BESIDE_RAD = 2e-3
+"""Difference from which on a second figure beside a critical tilt is worth a line: 0.1°."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,6 +37,8 @@ class Checkup:
         verification: the cases that the goals ask for, and every part's way in.
         states: every intermediate assembly.
         azimuths, tilts: radians; the critical tilt towards each azimuth.
+        friction_tilts: the same with what is known of them, with friction only.
+        band: radians; the least critical tilt with softer and stiffer tangential springs, with friction only.
         key: part that is held for interlocking, if any.
         key_mobility: what can move while the key is held.
         mobility: what can move in the finished structure.
@@ -45,6 +52,8 @@ class Checkup:
     states: tuple[CaseVerdict, ...]
     azimuths: Array
     tilts: tuple[float, ...]
+    friction_tilts: tuple[FrictionTilt, ...]
+    band: tuple[float, float] | None
     key: str | None
     key_mobility: Mobility | None
     mobility: Mobility
@@ -63,7 +72,10 @@ def checkup(
     verification = Verification(graph, cases, insertion_verdicts(graph), part_overlap(assembly))
     states = tuple(solve_case(graph, case, friction) for case in state_cases(graph))
     angles = tilt_azimuths(assembly.dimension, azimuths)
-    tilts = critical_tilts(graph, angles, friction)
+    rubbing = tuple(tilt_with_friction(graph, float(a), friction) for a in angles if friction > 0.0)
+    tilts = tuple(t.critical_rad for t in rubbing) or critical_tilts(graph, angles)
+    weakest = int(np.argmin(tilts))
+    band = tilt_band(graph, float(angles[weakest]), friction) if rubbing and tilts[weakest] > 0.0 else None
     held = _held(graph, key)
     anything = mobility(graph)
     findings = reasons.statics_findings(assembly, verification)
@@ -80,6 +92,8 @@ def checkup(
         states=states,
         azimuths=angles,
         tilts=tilts,
+        friction_tilts=rubbing,
+        band=band,
         key=key,
         key_mobility=held,
         mobility=anything,
@@ -116,12 +130,15 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
     friction = f", friction {found.friction:g}" if found.friction else ", no friction"
     for state in found.states:
         verdict = "stands" if state.result.stands else f"falls: {quoted(state.moving)} would move"
+        if state.only_clamped:
+            verdict = f"stands only clamped: {quoted(state.moving)} would slide out"
         if state.result.status == "inaccurate":
             verdict = "not decided, the solver was inaccurate"
         name = state.case.name.removeprefix("state_")
         out.append(f"after '{name}': {verdict} (E/|w|² = {state.result.infeasibility:.2g}{friction})")
     tilts = ", ".join(f"{_azimuth(assembly, a)} {np.rad2deg(t):.2f}°" for a, t in zip(found.azimuths, found.tilts))
     out.append(f"critical tilt: {tilts}")
+    out += _about_tilts(found)
     if found.key is not None and found.key_mobility is not None:
         loose = found.key_mobility
         says = "everything interlocks" if loose.locked else f"{quoted(loose.moving)} can move"
@@ -153,9 +170,10 @@ def document(found: Checkup) -> dict[str, Any]:
         "states": reasons.cases_data(found.states),
         "needs_support": list(reasons.supports(found.graph.assembly, found.states)),
         "tilt": [
-            {"azimuth_deg": float(np.rad2deg(a)), "critical_deg": float(np.rad2deg(t))}
-            for a, t in zip(found.azimuths, found.tilts)
+            {"azimuth_deg": float(np.rad2deg(a)), "critical_deg": float(np.rad2deg(t)), **more}
+            for a, t, more in zip(found.azimuths, found.tilts, _tilt_figures(found))
         ],
+        **_band(found),
         "key": found.key,
         "interlocks": None if found.key_mobility is None else found.key_mobility.locked,
         "deadlock": found.mobility.locked,
@@ -163,6 +181,43 @@ def document(found: Checkup) -> dict[str, Any]:
         "part_overlap": found.verification.part_overlap,
         "findings": reasons.findings_data(found.findings),
     }
+
+
+def _about_tilts(found: Checkup) -> list[str]:
+    """Return the second figures beside critical tilts with friction."""
+    out = []
+    if any(t.bound_rad - t.critical_rad > BESIDE_RAD for t in found.friction_tilts):
+        bounds = ", ".join(
+            f"{_azimuth(found.graph.assembly, a)} {np.rad2deg(t.bound_rad):.2f}°"
+            for a, t in zip(found.azimuths, found.friction_tilts)
+        )
+        out.append(f"clamped it could stand up to: {bounds} (friction forces exist, but nothing brings them about)")
+    if found.band is not None and found.band[1] - found.band[0] > BESIDE_RAD:
+        low, high = (f"{np.rad2deg(x):.2f}°" for x in found.band)
+        least, most = TANGENTIAL_BAND
+        out.append(f"the smallest of them lies between {low} and {high} for k_t/k_n from {least:g} to {most:g}")
+    return out
+
+
+def _tilt_figures(found: Checkup) -> list[dict[str, Any]]:
+    """Return what is known of every critical tilt with friction, for JSON."""
+    if not found.friction_tilts:
+        return [{} for _ in found.azimuths]
+    return [
+        {
+            "stands_deg": float(np.rad2deg(t.stands_rad)),
+            "fails_deg": float(np.rad2deg(t.fails_rad)),
+            "bound_deg": float(np.rad2deg(t.bound_rad)),
+            "fails_as": None if t.failure is None else str(t.failure.standing),
+        }
+        for t in found.friction_tilts
+    ]
+
+
+def _band(found: Checkup) -> dict[str, Any]:
+    if found.friction == 0.0:
+        return {}
+    return {"least_tilt_band_deg": None if found.band is None else [float(np.rad2deg(x)) for x in found.band]}
 
 
 def _azimuth(assembly: Assembly, azimuth_rad: float) -> str:

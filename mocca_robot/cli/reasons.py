@@ -26,7 +26,7 @@ class NegativeVerdict:
     """A negative verdict.
 
     Attributes:
-        kind: 'falls', 'inaccurate', 'blocked', 'overlap', 'impossible', 'narrow', 'deadlock', 'loose',
+        kind: 'falls', 'clamped', 'inaccurate', 'blocked', 'overlap', 'impossible', 'narrow', 'deadlock', 'loose',
             'disagreement', 'jams', 'not_written'.
         text: the evidence for people, one or two sentences.
         parts: names of the parts concerned.
@@ -67,7 +67,16 @@ def case_finding(verdict: CaseVerdict, remedy: str = "") -> NegativeVerdict | No
     name, words = verdict.case.name, case_words(verdict.case.name)
     if verdict.result.status == "inaccurate":
         text = f"Not decided ({words}): the solver's residual {verdict.result.kkt:.1g} is too large for a verdict."
+        if verdict.rubbing is not None:
+            left = verdict.rubbing.unbalanced
+            text = f"Not decided ({words}): neither rest nor a lasting fall was found; {left:.1g} of the load is left."
         return NegativeVerdict("inaccurate", text, (), name)
+    if verdict.only_clamped:
+        text = (
+            f"Stands only clamped ({words}): some friction forces would hold it, but nothing brings them about; "
+            f"{quoted(verdict.moving)} would slide out."
+        )
+        return NegativeVerdict("clamped", text, verdict.moving, name)
     text = (
         f"Does not stand ({words}): {quoted(verdict.moving)} would move, "
         f"E/|w|² = {verdict.result.infeasibility:.2g}.{f' {remedy}' if remedy else ''}"
@@ -140,6 +149,7 @@ def cases_data(cases: Sequence[CaseVerdict]) -> list[dict[str, Any]]:
             "status": str(c.result.status),
             "infeasibility": c.result.infeasibility,
             "moving": list(c.moving),
+            **({} if c.rubbing is None else {"standing": str(c.rubbing.standing), "travel": c.rubbing.travel}),
         }
         for c in cases
     ]

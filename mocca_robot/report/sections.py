@@ -89,6 +89,8 @@ def case_mark(verdict: CaseVerdict) -> str:
         return badge("warn", "inaccurate")
     if verdict.case.gravity is None:
         return badge("ok", "holds") if stands else badge("bad", "comes apart")
+    if verdict.only_clamped:
+        return badge("bad", "stands only clamped")
     return badge("ok", "stands") if stands else badge("bad", "falls")
 
 

@@ -116,6 +116,9 @@ def _stands(data: ReportData) -> str:
     if len(unsure) == len(fallen):
         return card("warn", "Does it stand?", "Not decided", f"The solver was too inaccurate in {len(unsure)} cases.")
     words = f"{len(fallen)} of {plural(len(cases), 'load case')} not in equilibrium; {figure}."
+    if all(c.only_clamped for c in fallen):
+        words += " Some friction forces would hold it, but nothing brings them about."
+        return card("bad", "Does it stand?", "Only clamped", words)
     return card("bad", "Does it stand?", "Falls", words)
 
 

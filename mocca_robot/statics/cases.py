@@ -15,6 +15,8 @@ from mocca_robot.joints.joint import contact_rays, spanning_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.executors import mapped
 from mocca_robot.statics.equilibrium import equilibrium
+from mocca_robot.statics.friction_cases import as_equilibrium, present_corners, standing_case, tilt_with_friction
+from mocca_robot.statics.friction_verdict import FrictionVerdict, Standing
 from mocca_robot.statics.loads import LoadCase, case_wrenches, tilted_gravity
 from mocca_robot.statics.solution import EquilibriumResult, solve_system
 from mocca_robot.statics.solver.system import ContactSystem
@@ -23,30 +25,41 @@ from mocca_robot.statics.tilt import critical_angle
 
 @dataclass(frozen=True, eq=False)
 class CaseVerdict:
-    """A load case, its result, and the names of the parts that move in the collapse motion."""
+    """A load case, its result, and the names of the parts that move in the collapse motion.
+
+    With friction `rubbing` is the verdict that `result` stands for; None without.
+    """
 
     case: LoadCase
     result: EquilibriumResult
     moving: tuple[str, ...]
+    rubbing: FrictionVerdict | None = None
+
+    @property
+    def only_clamped(self) -> bool:
+        """Return whether some friction forces would hold it, but nothing brings them about."""
+        return self.rubbing is not None and self.rubbing.standing is Standing.STANDS_ONLY_CLAMPED
 
 
 def solve_case(graph: PartsGraph, case: LoadCase, friction: float = 0.0) -> CaseVerdict:
     """Return the equilibrium of one load case from the facets of all contacts, with the parts that move.
 
     Contact forces come back one per corner of every contact, zero where a part is absent, or, without friction, where
-    other corners can exert the same forces.
+    other corners can exert the same forces. With friction they are vectors, and those that really come about: see
+    `mocca_robot.statics.coulomb`.
     """
+    rubbing: FrictionVerdict | None = None
     if friction == 0.0:
         system, there = _system(graph, case.present.tobytes(), case.free.tobytes())
         result = solve_system(system, system.scaled(case_wrenches(case, graph)))
     else:
-        pairs, points, normals = contact_rays(graph.contacts)
-        there = np.asarray(case.present[pairs].all(axis=1))
-        result = solve_rays(graph, case, (pairs[there], points[there], normals[there]), friction)
+        there = present_corners(graph, case.present)
+        rubbing = standing_case(graph, case, friction)
+        result = as_equilibrium(rubbing)
     forces = np.zeros((len(there), *result.forces.shape[1:]))
     forces[there] = result.forces
     full = EquilibriumResult(result.status, result.infeasibility, forces, result.motions, result.kkt)
-    return CaseVerdict(case, full, () if result.stands else moving_parts(graph.assembly, result.motions))
+    return CaseVerdict(case, full, () if result.stands else moving_parts(graph.assembly, result.motions), rubbing)
 
 
 @lru_cache(maxsize=4)
@@ -72,6 +85,7 @@ def solve_rays(
 ) -> EquilibriumResult:
     """Return the equilibrium of one load case on `rays` alone: pairs (C, 2), points (C, d) and normals (C, d).
 
+    With friction it tells whether some forces hold the load, which nothing need bring about.
     Motions are about the parts' centroids. The graph's contacts tell which pairs an interlocking case pushes apart.
     """
     assembly = graph.assembly
@@ -116,18 +130,20 @@ def moving_parts(assembly: Assembly, motions: Array) -> tuple[str, ...]:
 def critical_tilt(graph: PartsGraph, azimuth_rad: float, friction: float = 0.0) -> float:
     """Return the largest tilt (radians, at most π/2) towards an azimuth at which the structure stands.
 
-    Zero when it does not stand upright either. See `mocca_robot.statics.tilt` for the method, with and without
-    friction.
+    Zero when it does not stand upright either. See `mocca_robot.statics.tilt` for the method, and `coulomb_tilt` for
+    that with friction.
     """
+    if friction > 0.0:
+        return tilt_with_friction(graph, azimuth_rad, friction).critical_rad
     assembly = graph.assembly
     down = case_at(assembly, 0.0, azimuth_rad)
-    if not solve_case(graph, down, friction).result.stands:
+    if not solve_case(graph, down).result.stands:
         return 0.0
     masses = np.array([p.mass for p in assembly.parts])
     level = tilted_gravity(assembly.gravity, np.pi / 2, azimuth_rad)
 
     def solve(angle_rad: float) -> EquilibriumResult:
-        return solve_case(graph, case_at(assembly, angle_rad, azimuth_rad), friction).result
+        return solve_case(graph, case_at(assembly, angle_rad, azimuth_rad)).result
 
     return critical_angle(solve, masses, assembly.gravity, level)[0]
 

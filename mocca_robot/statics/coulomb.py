@@ -21,7 +21,7 @@ from mocca_robot.statics.friction_verdict import FrictionVerdict, Standing
 from mocca_robot.statics.frictional_contacts import FrictionalContacts
 from mocca_robot.statics.solution import EquilibriumResult, Status
 from mocca_robot.statics.solver.compliant_cones import CompliantCones
-from mocca_robot.statics.solver.coulomb_steps import FAR, StepsSettled, move, rest, travel
+from mocca_robot.statics.solver.coulomb_steps import StepsSettled, move, rest
 
 EQUILIBRIUM_RESIDUAL = 1e-8
 """Unbalanced share of the load up to which parts stand."""
@@ -29,6 +29,9 @@ LEAST_UNBALANCED = 1e-7
 """Unbalanced share of the load from which on parts fall: three orders above what is left of the equations of a fall."""
 COMPLEMENTARITY = 1e-8
 """How far contacts may be from Coulomb's law, relative to the largest force and the largest displacement."""
+SLID_AWAY = 3e3
+"""Slip over what springs are pressed together beyond which parts that come to rest are said to have slid away: with
+contacts that give by a micrometre, three millimetres."""
 STIFFNESS = 1e6
 """N/m of a contact point along its normal: sets the size of displacements, no verdict depends on it."""
 
@@ -43,7 +46,7 @@ class PointSeen:
         left: (n,) what no contact force balances.
         slip: (C, 2) along the tangents.
         violation: how far forces and displacements are from Coulomb's law, relative.
-        travel: displacements over what springs give without sliding; NaN where nothing rests.
+        travel: how far parts slide, over how far springs are pressed together.
     """
 
     u: Array
@@ -94,7 +97,7 @@ def _answer(
     w = contacts.rows.scaled(wrenches) / scale
     problem = _problem(contacts, w, scale)
     found = rest(problem, start)
-    seen = _seen(contacts, problem, w, scale, found)
+    seen = _seen(contacts, w, scale, found)
     bound: EquilibriumResult | None = None
     programs = found.programs
     if not _rests(found, seen):
@@ -103,12 +106,12 @@ def _answer(
             return _held_by_nothing(contacts, bound, programs)
         found = move(problem, found)
         programs += found.programs
-        seen = _seen(contacts, problem, w, scale, found)
+        seen = _seen(contacts, w, scale, found)
     if seen is None:
         return _unknown(contacts, bound, programs)
     if _rests(found, seen):
         standing = Standing.STANDS
-        if seen.travel > FAR:
+        if seen.travel > SLID_AWAY:
             standing = Standing.STANDS_ONLY_CLAMPED
             bound = contacts.bound(wrenches)
     elif found.falls and seen.violation <= COMPLEMENTARITY and seen.share >= LEAST_UNBALANCED:
@@ -140,9 +143,7 @@ def _rests(found: StepsSettled, seen: PointSeen | None) -> bool:
     return found.rests and seen is not None and max(seen.violation, seen.share) <= EQUILIBRIUM_RESIDUAL
 
 
-def _seen(
-    contacts: FrictionalContacts, problem: CompliantCones, w: Array, scale: float, found: StepsSettled
-) -> PointSeen | None:
+def _seen(contacts: FrictionalContacts, w: Array, scale: float, found: StepsSettled) -> PointSeen | None:
     """Return the evidence that a point gives, computed from its displacements and forces alone."""
     if found.point is None:
         return None
@@ -152,10 +153,10 @@ def _seen(
     moves = (rows.matrix @ u).reshape(-1, 3)
     forces = z * contacts.steep
     violation, slip = _law(contacts, forces, moves, scale)
-    travelled = travel(problem, point) if found.rests else float("nan")
-    return PointSeen(
-        u=u, forces=forces, left=w + rows.matrix.T @ z.ravel(), slip=slip, violation=violation, travel=travelled
-    )
+    pressed = float((contacts.softness[:, 0] * forces[:, 0]).max(initial=0.0))
+    travel = float(np.hypot(*slip.T).max(initial=0.0)) / max(pressed, 1e-300)
+    left = w + rows.matrix.T @ z.ravel()
+    return PointSeen(u=u, forces=forces, left=left, slip=slip, violation=violation, travel=travel)
 
 
 def _law(contacts: FrictionalContacts, forces: Array, moves: Array, scale: float) -> tuple[float, Array]:

@@ -38,14 +38,15 @@ class FrictionTilt:
 
     @property
     def critical_rad(self) -> float:
-        """Return the middle of the bracket; `stands_rad` where nothing failed."""
-        return self.stands_rad if self.failure is None else 0.5 * (self.stands_rad + self.fails_rad)
+        """Return the middle of the bracket, or the bound where it stands up to it."""
+        return self.bound_rad if self.failure is None else 0.5 * (self.stands_rad + self.fails_rad)
 
 
 def largest_tilt(
     decide: Callable[[float, Array | None], FrictionVerdict],
     bound_rad: float,
     resolution_rad: float = RESOLUTION_RAD,
+    upright: FrictionVerdict | None = None,
 ) -> FrictionTilt:
     """Return where a structure stops standing.
 
@@ -53,8 +54,9 @@ def largest_tilt(
         decide: tilt in radians, and the `state` of a verdict at a smaller tilt → verdict.
         bound_rad: no tilt above it stands.
         resolution_rad: width of the bracket to reach.
+        upright: the verdict without a tilt, if it is known.
     """
-    upright = decide(0.0, None)
+    upright = decide(0.0, None) if upright is None else upright
     if not upright.stands:
         return FrictionTilt(stands_rad=0.0, fails_rad=0.0, bound_rad=bound_rad, failure=upright, tries=1)
     low, high, state, failure, tries = 0.0, bound_rad, upright.state, None, 1

@@ -14,8 +14,8 @@ class Standing(StrEnum):
 
     STANDS = "stands"
     STANDS_ONLY_CLAMPED = "stands_only_clamped"
-    """Some forces would hold the load, but nothing brings them about: it slides out, or a hundred times further than
-    springs give, unless it is clamped."""
+    """Some forces would hold the load, but nothing brings them about: it slides out, or thousands of times as far as
+    its contacts give, unless it is clamped."""
     FALLS = "falls"
     UNDECIDED = "undecided"
 
@@ -33,7 +33,7 @@ class FrictionVerdict:
         motions: (N, dof) how it falls [velocity at the reference point; angular velocity], per unit of unbalanced
             force, as of Eq. 7; zero where it stands.
         unbalanced: share of the load that no contact force balances: tiny where it stands.
-        travel: how far parts have moved at rest, over what springs give where nothing slides.
+        travel: how far parts slide, over how far contacts are pressed together.
         complementarity: largest violation of Coulomb's law, relative: forces outside cones, forces across gaps, parts
             that penetrate, slip that sticks or that friction does not oppose, lift. NaN where the fall is known
             from Eq. 8 alone: no forces within the cones hold the load.

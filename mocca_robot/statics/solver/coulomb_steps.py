@@ -25,8 +25,8 @@ PROGRAMS, PROGRAMS_AT_REST = 12, 40
 TRIED_AT_ONCE, PATIENCE, NEARER = 2, 6, 0.7
 """Programs after each of which Newton's method is tried, later after every other; programs that must bring the answer
 nearer, and how much nearer."""
-FEWEST_PROGRAMS, MOST_WORK = 30, 10_000
-"""Cone programs, and their number times that of unknowns, until the search for where parts move is given up."""
+FEWEST_PROGRAMS, MOST_WORK = 30, 60_000
+"""Cone programs, and their number times that of unknowns and contacts, until the search for where parts move ends."""
 SOLVABLE = 1e-7
 """Residual of the first cone program above which no forces may hold the load."""
 GIVES = 0.3
@@ -37,7 +37,7 @@ MOST_STEPS = 80
 FALLING, RESTING = 0.95, 0.5
 """Ratio of what two steps of time leave unbalanced from which on parts fall, and below which they may come to rest."""
 FAR = 100.0
-"""Displacement of parts that fall, over what springs give; what comes to rest only beyond it has slid away."""
+"""Displacement of parts that fall, over what springs give."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -102,9 +102,9 @@ def move(problem: CompliantCones, elastic: StepsSettled) -> StepsSettled:
     shares: list[float] = []
     path: list[tuple[float, float]] = []
     speed = np.zeros(blocks.size)
-    faster = SHORTER
+    faster, size = SHORTER, blocks.size + problem.compliance.shape[1]
     for _ in range(MOST_STEPS):
-        if count.programs * blocks.size >= MOST_WORK and count.programs >= FEWEST_PROGRAMS:
+        if count.programs >= max(FEWEST_PROGRAMS, MOST_WORK / size):
             break
         pull = problem.pull + inertia * blocks.own_gram_times(travelled)
         step = replace(problem, pull=pull, inertia=inertia * blocks.own_gram)
@@ -124,19 +124,6 @@ def move(problem: CompliantCones, elastic: StepsSettled) -> StepsSettled:
                 return _settled(still, count, rests=True, shares=tuple(shares))
         inertia, faster = inertia / faster, SHORTER
     return _settled(point, count, speed=speed, shares=tuple(shares))
-
-
-def travel(problem: CompliantCones, point: CoulombPoint) -> float:
-    """Return how far parts have moved at rest, over what their springs give without sliding; at most 1 is no news.
-
-    The cone program without offsets says what springs give; it is solved only where something slides far.
-    """
-    sliding = float(_slip(problem, point).max(initial=0.0))
-    if sliding <= FAR * float((problem.compliance[0] * point.z[0]).max(initial=0.0)):
-        return 1.0
-    first = solve(problem, np.zeros(problem.compliance.shape[1]))
-    lengths = [float(np.linalg.norm(problem.blocks.own_gram_times(u))) for u in (point.u, first.u)]
-    return lengths[0] / max(lengths[1], 1e-300)
 
 
 def _goes_on(path: list[tuple[float, float]]) -> bool:
