@@ -62,10 +62,3 @@ def test_a_fall_of_parts_that_press_on_each_other_is_not_excused() -> None:
     fell = judged(scene, StabilityLimits(finer=()))
     assert fell.verdict is Verdict.FELL
     assert cause(graph, case_at(assembly, tilt, 0.0), scene, fell).startswith("none found")
-
-
-def test_friction_that_only_clamping_would_make_is_found_to_be_the_cause() -> None:
-    """A stack tips over its edge out of a groove whose walls statics lets pinch the tongue as hard as it likes."""
-    found = random_case("notched", 11)
-    assert isinstance(found, Comparison) and found.verdict == "DISAGREE"
-    assert found.cause.startswith("friction not made by the fall")

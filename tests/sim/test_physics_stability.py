@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from physics_models import WIDTH, box_stack_3d, jointed, rectangle, semicircle, stack, tongue
 
-from benchmarks.agreement import Comparison, random_case
 from benchmarks.random_assemblies import random_assembly
 from mocca_robot.assembly import Assembly, Part
 from mocca_robot.contacts.find import find_contacts
@@ -217,15 +216,6 @@ def test_wedged_parts_hold_up_to_where_statics_says():
     tilted = with_gravity(scene, gravity)
     assert at_once(tilted).verdict is Verdict.FELL, "one run decides already: nothing is shown here"
     assert judged(tilted).stands
-
-
-def test_a_doubted_fall_that_every_step_shows_is_believed_and_explained():
-    """Statics lets the groove's walls pinch the tongue as hard as it likes; the fall takes equally long each time."""
-    found = random_case("notched", 11)
-    assert isinstance(found, Comparison) and found.verdict == "DISAGREE"
-    below = found.probes[0]
-    assert (below.statics, below.physics) == ("equilibrium", "fell")
-    assert found.cause.startswith("friction not made by the fall: fell with a step of 16.7 µs")
 
 
 def test_a_fall_is_confirmed_with_finer_steps():

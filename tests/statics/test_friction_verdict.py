@@ -16,9 +16,10 @@ from mocca_robot.errors import InputError
 from mocca_robot.geometry.cones import cross
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
-from mocca_robot.statics.cases import case_at, critical_tilt
+from mocca_robot.statics.cases import case_at
 from mocca_robot.statics.coulomb import standing
 from mocca_robot.statics.coulomb_tilt import largest_tilt
+from mocca_robot.statics.friction_cases import tilt_bound
 from mocca_robot.statics.friction_verdict import FrictionVerdict, Standing
 from mocca_robot.statics.frictional_contacts import FrictionalContacts
 from mocca_robot.statics.loads import case_wrenches
@@ -254,7 +255,7 @@ def random_case(name: str) -> tuple[FrictionalContacts, Callable[[float], Array]
     def load(tilt: float) -> Array:
         return case_wrenches(case_at(assembly, tilt, azimuth), graph)
 
-    return made, load, critical_tilt(graph, azimuth, friction)
+    return made, load, tilt_bound(graph, azimuth, friction)
 
 
 TILTS = {
