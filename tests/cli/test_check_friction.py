@@ -11,7 +11,7 @@ import pytest
 
 from mocca_robot.assembly import Assembly, Part, Polygon
 from mocca_robot.cli import main
-from mocca_robot.contacts.find import find_contacts
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import case_at, critical_tilt, solve_case
 from mocca_robot.statics.friction_cases import tilt_band, tilt_bound, tilt_with_friction
 from mocca_robot.statics.friction_verdict import Standing
@@ -74,22 +74,22 @@ def test_what_only_clamping_would_hold_is_a_negative_verdict(
 
 def test_a_drawer_slides_at_the_friction_angle_whatever_could_pinch_it() -> None:
     assembly = loaded(DRAWER)
-    contacts = find_contacts(assembly).contacts
-    assert critical_tilt(assembly, contacts, 0.0, 0.3) == pytest.approx(np.arctan(0.3), abs=2e-3)
-    assert tilt_bound(assembly, contacts, 0.0, 0.3) > np.deg2rad(80.0)
-    found = tilt_with_friction(assembly, contacts, 0.0, 0.3)
+    graph = PartsGraph.of(assembly)
+    assert critical_tilt(graph, 0.0, 0.3) == pytest.approx(np.arctan(0.3), abs=2e-3)
+    assert tilt_bound(graph, 0.0, 0.3) > np.deg2rad(80.0)
+    found = tilt_with_friction(graph, 0.0, 0.3)
     assert found.failure is not None and found.failure.standing is Standing.STANDS_ONLY_CLAMPED
-    low, high = tilt_band(assembly, contacts, 0.0, 0.3)
+    low, high = tilt_band(graph, 0.0, 0.3)
     assert high - low < np.deg2rad(0.1)
 
 
 def test_a_case_tells_the_verdict_that_its_result_stands_for() -> None:
     assembly = loaded(DRAWER)
-    contacts = find_contacts(assembly).contacts
-    flat, steep = (solve_case(assembly, contacts, case_at(assembly, np.deg2rad(t), 0.0), 0.3) for t in (5.0, 40.0))
+    graph = PartsGraph.of(assembly)
+    flat, steep = (solve_case(graph, case_at(assembly, np.deg2rad(t), 0.0), 0.3) for t in (5.0, 40.0))
     assert flat.result.stands and flat.rubbing is not None and flat.rubbing.stands and not flat.only_clamped
     assert steep.only_clamped and not steep.result.stands and steep.moving == ("drawer",)
-    frictionless = solve_case(assembly, contacts, case_at(assembly, 0.0, 0.0))
+    frictionless = solve_case(graph, case_at(assembly, 0.0, 0.0))
     assert frictionless.rubbing is None and not frictionless.only_clamped
 
 
@@ -97,8 +97,8 @@ def test_a_state_in_which_only_fixed_parts_touch_is_a_verdict() -> None:
     fixed = {"left": box(0, 0, 100, 10), "right": box(100, 0, 100, 10)}
     parts = {**fixed, "hat": box(40, 60, 20, 20), "post": box(40, 10, 20, 50)}
     assembly = loaded(parts)
-    contacts = find_contacts(assembly).contacts
-    verdicts = [solve_case(assembly, contacts, case, 0.6) for case in state_cases(assembly)]
+    graph = PartsGraph.of(assembly)
+    verdicts = [solve_case(graph, case, 0.6) for case in state_cases(graph)]
     assert [v.result.stands for v in verdicts] == [False, True]
     assert verdicts[0].moving == ("hat",) and verdicts[0].rubbing is not None
     assert verdicts[0].rubbing.standing is Standing.FALLS
