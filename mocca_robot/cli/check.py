@@ -12,20 +12,21 @@ from mocca_robot.cli.exit_code import positive_if
 from mocca_robot.cli.simulate import stored_design
 from mocca_robot.errors import InputError
 
-DESCRIPTION = """What was understood: unit, parts with sizes and masses in the order of assembly, contacts; what looks
-suspicious; equilibrium of every state of the sequence; critical tilt; with a key: interlocking; whether anything can
-move at all; how each part goes in, and the largest alpha that any joint could offer it (a joint never opens a cone
-wider than the flat contact that it replaces)."""
+DESCRIPTION = """Prints what was understood (unit, contacts, and the parts with sizes and masses in the order of
+assembly) and what looks suspicious. Then it says whether every state of the sequence stands, how far the ground can
+tilt, whether anything can move at all, whether everything interlocks (with --key), and how each part goes in. The
+cones it prints are the widest that any joint could leave: a joint never leaves more room than the flat contact that
+it replaces."""
 
 
 def add(commands: Any) -> None:
     """Add the command."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "check", help="is the input sound, and how does it stand as it is", description=DESCRIPTION
+        "check", help="say whether the input is sound, and how it stands as it is", description=DESCRIPTION
     )
     arguments.add_input(parser, "FILE")
     parser.add_argument("--friction", type=float, metavar="MU", help="Coulomb coefficient (default: the file's, or 0)")
-    parser.add_argument("--key", metavar="PART", help="does everything interlock while this part is held")
+    parser.add_argument("--key", metavar="PART", help="ask whether everything interlocks while this part is held")
     parser.add_argument("--azimuths", type=int, metavar="N", help="directions of tilt of solids (default 8)")
     parser.add_argument("--picture", metavar="FILE", help="draw the parts: an .svg, or a .png (needs typst)")
     arguments.add_json(parser)

@@ -47,7 +47,7 @@ ENTRIES: dict[str, tuple[str, dict[str, str]]] = {
 
 def add(commands: Any) -> None:
     """Add the command."""
-    text = "BibTeX of this program, of the method and of the physics engine"
+    text = "print BibTeX of this program, of the method and of the physics engine"
     parser: argparse.ArgumentParser = commands.add_parser("cite", help=text, description=text)
     arguments.add_json(parser)
     parser.set_defaults(run=run)

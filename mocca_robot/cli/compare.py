@@ -53,7 +53,7 @@ class JoinedParts(Protocol):
 
 def add(commands: Any) -> None:
     """Add the command."""
-    text = "the same parts with flat, single-direction and cone joints, side by side, in statics and MuJoCo"
+    text = "compare the same parts with flat, single-direction and cone joints, side by side, in statics and MuJoCo"
     parser: argparse.ArgumentParser = commands.add_parser("compare", help=text, description=text)
     arguments.add_input(parser)
     arguments.add_output(parser)

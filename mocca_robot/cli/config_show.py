@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from mocca_robot.config.config import Config, EffectiveValue
 
 DESCRIPTION = """Prints every key with the value that a run would use and where it comes from: a line of the file,
---set, the model itself, or the default. What it prints is YAML again."""
+--set, the model itself, or the default. The output is YAML, ready to be used as a configuration."""
 
 
 def add(commands: Any) -> None:
     """Add the command with its one subcommand."""
-    text = "what a configuration comes to"
+    text = "show what a configuration amounts to"
     inner = commands.add_parser("config", help=text, description=text).add_subparsers(metavar="WHAT", required=True)
     parser: argparse.ArgumentParser = inner.add_parser(
         "show", help="print every effective value and where it comes from", description=DESCRIPTION

@@ -19,8 +19,8 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--largest-angle",
         action="store_true",
-        help="with a lateral goal: climb from its angle to the largest one for which a design is found, and say what "
-        "is known beyond it",
+        help="with a lateral goal: look for the largest angle at which a design stands, beginning with the goal's, and "
+        "say what is known beyond it",
     )
     parser.set_defaults(run=run)
 

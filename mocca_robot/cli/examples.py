@@ -10,8 +10,8 @@ from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode
 
-DESCRIPTION = """Lists the configurations that come with mocca-robot, or copies those that are named, with the drawings
-and meshes they need, into a folder: something to run, change and learn from."""
+DESCRIPTION = """Lists the configurations that come with mocca-robot, or copies those that you name into a folder,
+with the drawings and meshes they need: something to run, change and learn from."""
 
 
 def add(commands: Any) -> None:
@@ -19,7 +19,7 @@ def add(commands: Any) -> None:
     parser: argparse.ArgumentParser = commands.add_parser(
         "examples", help="list the example configurations, or copy them", description=DESCRIPTION
     )
-    parser.add_argument("names", nargs="*", metavar="NAME", help="examples to copy; none: list them")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="examples to copy; without a name, all are listed")
     parser.add_argument("--all", action="store_true", help="copy all of them")
     parser.add_argument("-o", "--output", metavar="DIR", help="folder for the copies (default: examples)")
     arguments.add_json(parser)

@@ -25,7 +25,7 @@ RENDER = "import mujoco; c = mujoco.GLContext(16, 16); c.make_current(); c.free(
 
 def add(commands: Any) -> None:
     """Add the command."""
-    text = "versions of packages and solvers, OpenGL, Python, processor, and whether a robot answers"
+    text = "print versions of packages and solvers, OpenGL, Python, processor, and whether a robot answers"
     parser: argparse.ArgumentParser = commands.add_parser("info", help=text, description=text)
     parser.add_argument("--robot", metavar="HOST", help="ask the controller there who it is; nothing moves")
     arguments.add_json(parser)

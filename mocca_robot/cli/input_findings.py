@@ -145,10 +145,10 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
         out.append(f"with '{found.key}' held: {says}")
     for way in found.verification.insertions:
         by = f"; in its way: {quoted(way.blockers)}" if way.blockers else ""
-        room = f"goes in from ±{reasons.degrees(way.alpha_rad)}"
-        room += "" if built else ", the most that any joint could offer it that way"
+        room = f"can be inserted within ±{reasons.degrees(way.alpha_rad)}"
+        room += "" if built else "; no joint can widen that"
         if way.alpha_rad < 0:
-            room = "has no direction to go in" + ("" if built else ", and no joint could open one")
+            room = "cannot be inserted from any direction" + ("" if built else "; no joint can change that")
         out.append(f"'{way.part}' {room}{by}")
     supports = reasons.supports(assembly, found.states)
     if supports:

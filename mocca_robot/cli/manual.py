@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from mocca_robot.motion.parts_graph import PartsGraph
 
 DESCRIPTION = """Writes one step per part: what stands already, the part in front of its seat, the way it goes in with
-its cone, what has to be held; and the bill of parts, in the manual and as bill.csv beside it. HTML prints well; a file
-that ends in .pdf needs typst: pip install mocca-robot[manual]."""
+its cone, and what has to be held. The bill of parts is in the manual and in bill.csv beside it. HTML prints well; for a
+.pdf you need typst: pip install mocca-robot[manual]."""
 
 
 def add(commands: Any) -> None:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 DESCRIPTION = """Writes NAME.yaml, with comments and every key. --from names your model: an SVG or DXF drawing, a mesh
 file or a folder of meshes, an assembly or a design as JSON (COMPAS too), the surface of a shell (OBJ that is not
 closed), or a graph of lines (OBJ with lines, or JSON with nodes and rods). The model stays where it is. Without --from
-a small drawing is written to start from. Nothing is overwritten."""
+it also writes a small drawing for you to start from. It overwrites nothing."""
 
 SHARES = (0.04, 0.02, 0.01, 0.005)
 """Thickness of a shell as a share of the surface's diagonal; the first that gives sound blocks is taken."""
@@ -37,9 +37,9 @@ def add(commands: Any) -> None:
     parser: argparse.ArgumentParser = commands.add_parser(
         "new", help="write a commented configuration for your own model", description=DESCRIPTION
     )
-    parser.add_argument("name", metavar="NAME", help="of the structure; the file is NAME.yaml")
+    parser.add_argument("name", metavar="NAME", help="name of the structure; the file is NAME.yaml")
     parser.add_argument("--from", dest="source", metavar="MODEL", help="your drawing, meshes, surface or lines")
-    parser.add_argument("--units", metavar="UNIT", help="of a model that says none: mm, cm, m, in, …")
+    parser.add_argument("--units", metavar="UNIT", help="unit of a model whose file has none: mm, cm, m, in, …")
     parser.add_argument("-o", "--output", default=".", metavar="DIR", help="folder for the files (default: here)")
     arguments.add_json(parser)
     parser.set_defaults(run=run)

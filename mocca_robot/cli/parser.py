@@ -40,7 +40,7 @@ UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 """A disk that fills up during the work, or a folder that is taken away: no error in the program."""
 EPILOG = """exit status: 0 every verdict is positive; 1 a negative verdict, with its evidence; 2 unusable input;
 70 an error in mocca-robot itself; 130 interrupted (Ctrl-C), what was finished is kept.
-`mocca-robot COMMAND --help` tells what a command does. With --json it prints one JSON object for scripts."""
+`mocca-robot COMMAND --help` says what a command does. With --json it prints one JSON object for scripts."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 NAMES = 6
 """So many parts of a fall are named; the remedy names them all."""
-DESCRIPTION = """For every part in sequence: pick from the tray, transit, insertion along the cone's axis, release and
-retreat, collision-free and within all limits. Writes plan.json and the tray's drawing. `mocca-robot execute` checks a
-plan and runs it."""
+DESCRIPTION = """Plans, for every part in sequence, how the arm picks it from the tray, carries it, inserts it along
+the axis of its cone, lets go and retreats, without collisions and within all limits. Writes plan.json and the tray's
+drawing. `mocca-robot execute` checks a plan and runs it."""
 
 
 def add(commands: Any) -> None:
@@ -45,7 +45,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--size", type=float, metavar="M", help="longest side of the structure (default: the cell's)")
     parser.add_argument("--friction", type=float, default=0.0, metavar="MU", help="Coulomb coefficient (default 0)")
-    parser.add_argument("--seed", type=int, default=0, help="of the random ways tried (default 0)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the random ways that are tried (default 0)")
     parser.add_argument(
         "--partial", action="store_true", help="when a part cannot be placed, write the plan of the parts before it"
     )

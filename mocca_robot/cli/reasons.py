@@ -115,7 +115,7 @@ def design_findings(assembly: Assembly, designed: Designed) -> list[NegativeVerd
             f"No joint within the bounds holds this load case ({case_words(case)}): even if every point of every "
             f"contact could push in every allowed direction, {quoted(moving)} would move, E/|w|² = "
             f"{proof.infeasibility:.2g}. Steeper or higher joints (joints.max_slope_deg, joints.max_height) or another "
-            "cut may help; α plays no part in it."
+            "cut may help; α does not matter here."
         )
         found.append(NegativeVerdict("impossible", text, moving, case))
     for part in designed.narrow:

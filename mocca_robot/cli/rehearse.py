@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
     from sim.cell.rehearsal_result import PartRehearsal, Rehearsal
 
-DESCRIPTION = """Build a plan in MuJoCo: the arm follows the plan, the gripper holds parts by friction, parts slide in,
-and after every release the structure is left alone until it rests. The executor is the one that drives a real arm.
-Writes rehearsal.json and rehearsal.html beside the plan."""
+DESCRIPTION = """Builds a plan in MuJoCo: the arm follows the plan, the gripper holds parts by friction, parts slide in,
+and after every release the structure is left alone until it rests. The code that drives it is the one that drives a
+real arm. Writes rehearsal.json and rehearsal.html beside the plan."""
 
 
 def add(commands: Any) -> None:
@@ -30,15 +30,17 @@ def add(commands: Any) -> None:
     parser.add_argument("plan", type=Path, metavar="PLAN", help="plan.json, as `mocca-robot plan` writes it")
     parser.add_argument("--design", type=Path, metavar="FILE", help="design.json (default: the one the plan names)")
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder for the results (default: the plan's)")
-    parser.add_argument("--friction", type=float, default=0.0, metavar="MU", help="within joints (default 0)")
-    parser.add_argument("--pad-friction", type=float, metavar="MU", help="of pads or cup (default: the cell's)")
+    parser.add_argument("--friction", type=float, default=0.0, metavar="MU", help="friction within joints (default 0)")
+    parser.add_argument(
+        "--pad-friction", type=float, metavar="MU", help="friction of pads or cup (default: the cell's)"
+    )
     parser.add_argument(
         "--pose-noise",
         default="0",
         metavar="MM[,DEG]",
         help="standard deviation of where parts wait in the tray (default 0)",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of that noise (default 0)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of that noise (default 0)")
     parser.add_argument(
         "--speed",
         type=float,

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from planners.order.sequence import SequenceResult
 
 DESCRIPTION = """Takes the assembly apart, part by part along straight ways out, and prints the reverse: an order in
-which every part goes in inside a cone, with as few parts held as possible. Says who locks whom when there is none."""
+which every part has a cone of ways in, and as few parts as possible have to be held. If there is none, says which part
+locks which."""
 
 
 def add(commands: Any) -> None:
@@ -25,9 +26,11 @@ def add(commands: Any) -> None:
     arguments.add_input(parser, "ASSEMBLY")
     parser.add_argument("--holders", type=int, metavar="K", help="how many parts can be held at once (default: any)")
     parser.add_argument("--friction", type=float, metavar="MU", help="Coulomb coefficient (default: the file's, or 0)")
-    parser.add_argument("--states", type=int, default=2000, metavar="N", help="states to examine (default 2000)")
     parser.add_argument(
-        "-o", "--output", metavar="FILE", help="write the assembly in the order found, as assembly JSON, to go on with"
+        "--states", type=int, default=2000, metavar="N", help="how many states to examine at most (default 2000)"
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="write the assembly as JSON, in the order that was found"
     )
     arguments.add_json(parser)
     parser.set_defaults(run=run)

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from mocca_robot.assembly import Assembly
     from sim.questions import Questions
 
-DESCRIPTION = """Ask MuJoCo about a design (or about parts as they are): does every state of the sequence stand, at
-which tilt does it fall, does every part go in along all directions of its cone. Results go to simulation.json and
-report.html beside the design; without --states, --tilt, --insert or --robust, the first three are asked."""
+DESCRIPTION = """Asks MuJoCo about a design, or about parts as they are: whether every state of the sequence stands, at
+which tilt it falls, and whether every part goes in along all directions of its cone. Results go to simulation.json and
+report.html beside the design. Without --states, --tilt, --insert or --robust, it does the first three."""
 
 
 def add(commands: Any) -> None:
@@ -30,7 +30,7 @@ def add(commands: Any) -> None:
     arguments.add_json(parser)
     add_questions(parser)
     parser.add_argument(
-        "--film", metavar="FILE", help="the ground tilts until it falls: an .mp4, or else a folder of PNG frames"
+        "--film", metavar="FILE", help="film the fall on ground that tilts: an .mp4, or else a folder of PNG frames"
     )
     parser.set_defaults(run=run)
 
@@ -38,15 +38,23 @@ def add(commands: Any) -> None:
 def add_questions(parser: argparse.ArgumentParser) -> None:
     """Add what can be asked of physics."""
     group = parser.add_argument_group("physics")
-    group.add_argument("--states", action="store_true", help="every intermediate assembly of the sequence")
-    group.add_argument("--tilt", action="store_true", help="critical tilt per azimuth, with and without friction")
-    group.add_argument("--insert", action="store_true", help="every part along its cone: axis, rim, just outside")
-    group.add_argument("--robust", action="store_true", help="friction, density, clearance and pose drawn at random")
+    group.add_argument("--states", action="store_true", help="let go of every intermediate assembly of the sequence")
+    group.add_argument(
+        "--tilt",
+        action="store_true",
+        help="find the tilt at which it falls, towards each azimuth, with and without friction",
+    )
+    group.add_argument(
+        "--insert", action="store_true", help="insert every part along its cone: axis, rim, just outside"
+    )
+    group.add_argument(
+        "--robust", action="store_true", help="build with random friction, density, clearance and placement"
+    )
     group.add_argument("--friction", type=float, metavar="MU", help="Coulomb coefficient (default: the configuration)")
-    group.add_argument("--azimuths", type=int, metavar="N", help="directions of tilt of solids")
-    group.add_argument("--directions", type=int, metavar="N", help="ways in per part")
-    group.add_argument("--seed", type=int, metavar="N", help="of everything drawn at random")
-    group.add_argument("--threads", type=int, metavar="N", help="side by side (default: one per core)")
+    group.add_argument("--azimuths", type=int, metavar="N", help="number of directions in which solids are tilted")
+    group.add_argument("--directions", type=int, metavar="N", help="number of ways in that are tried per part")
+    group.add_argument("--seed", type=int, metavar="N", help="seed of everything that is drawn at random")
+    group.add_argument("--threads", type=int, metavar="N", help="threads side by side (default: one per core)")
 
 
 def questions(args: argparse.Namespace, config: Any) -> Questions:

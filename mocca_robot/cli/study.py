@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 SHOWN = 40
 """Points that are listed one by one."""
-DESCRIPTION = """Vary keys of a configuration over lists of values and design every point: study.csv, study.json,
+DESCRIPTION = """Varies keys of a configuration over lists of values and designs every point: study.csv, study.json,
 figures and study.html. Finished points are kept in points.jsonl: after Ctrl-C, or when the study has grown, the same
-command computes only what is missing. Exit status 0: every point has its verdict, positive or not; 1: some point could
-not be used or failed, its reason is in the table."""
+command computes only what is missing. Exit status 0: every point has a verdict, positive or negative; 1: some
+point could not be used or failed, and the table says why."""
 
 
 def add(commands: Any) -> None:

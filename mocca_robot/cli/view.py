@@ -13,7 +13,7 @@ from mocca_robot.cli.exit_code import ExitCode
 
 DESCRIPTION = """Shows parts in the browser: the sequence, an exploded view, insertion cones, contact forces, and what
 happens when the finished assembly is let go. Needs viser: pip install mocca-robot[viewer]. Ctrl-C ends it. With
---mujoco the finished assembly is let go in MuJoCo's own window instead, where parts can be pulled."""
+--mujoco the finished assembly is let go in MuJoCo's own window instead, where you can pull at parts."""
 
 
 def add(commands: Any) -> None:
@@ -23,7 +23,7 @@ def add(commands: Any) -> None:
     )
     arguments.add_input(parser, "X")
     parser.add_argument("--export", metavar="FILE", help="write a self-contained page that plays it, and end")
-    parser.add_argument("--port", type=int, default=8080, metavar="N", help="on this machine (default 8080)")
+    parser.add_argument("--port", type=int, default=8080, metavar="N", help="port on this computer (default 8080)")
     parser.add_argument("--mujoco", action="store_true", help="MuJoCo's own viewer instead; needs a screen")
     arguments.add_json(parser)
     parser.set_defaults(run=run)
