@@ -8,6 +8,7 @@ from typing import Protocol
 
 from mocca_robot.plan.arm import Arm
 from mocca_robot.plan.gripper import Grip, holds
+from mocca_robot.plan.hand import disorder, hands, not_open, to_open
 from mocca_robot.plan.insertion_skill import insert
 from mocca_robot.plan.journal import utc_now
 from mocca_robot.plan.motions import Motions
@@ -17,6 +18,8 @@ from mocca_robot.plan.status import ExecutionEvent, ExecutionStatus, MotionOutco
 GUARDED = frozenset({MoveKind.APPROACH, MoveKind.PICK})
 ZEROED = frozenset({MoveKind.TRANSIT, MoveKind.APPROACH, MoveKind.INSERT})
 """Moves before which the force sensor is zeroed: the hand hangs free then. A pick keeps its approach's zero."""
+OPENING_N = 20.0
+"""An empty hand opens and narrows as gently as it can."""
 Listener = Callable[[ExecutionEvent], None]
 
 
@@ -93,8 +96,11 @@ def execute(
 
 def _run_step(plan: Plan, index: int, arm: Motions, record: _Recorder) -> MotionOutcome:
     step = plan.steps[index]
+    if words := disorder(step):
+        return MotionOutcome(ExecutionStatus.REFUSED, words)
     outcome = MotionOutcome(ExecutionStatus.SUCCEEDED)
-    for k, move in enumerate(step.moves):
+    opened: float | None = None
+    for k, (hand, move) in enumerate(zip(hands(step), step.moves, strict=False)):
         record(
             ExecutionEvent(time_utc=utc_now(), event="move_started", step=index, part=step.part, move=k, kind=move.kind)
         )
@@ -102,10 +108,25 @@ def _run_step(plan: Plan, index: int, arm: Motions, record: _Recorder) -> Motion
         def note(event: str, outcome: MotionOutcome, attempt: int | None = None, grip: Grip | None = None) -> None:
             record(_event(event, outcome, index, step.part, k, move.kind, attempt, grip))  # noqa: B023 - called at once
 
+        if to_open(hand, move, opened):
+            outcome, grip = _open(plan, move, arm)
+            note("hand_opened" if outcome.succeeded else "move_stopped", outcome, None, grip)
+            if not outcome.succeeded:
+                return outcome
+            opened = move.gripper_m
         outcome = _run_move(plan, step, move, arm, note)
         if not outcome.succeeded:
             return outcome
     return outcome
+
+
+def _open(plan: Plan, move: Move, arm: Motions) -> tuple[MotionOutcome, Grip]:
+    """Open the empty hand as far as the coming move was planned with, and see that it is so."""
+    outcome, grip = arm.grip(move.gripper_m, OPENING_N)
+    words = not_open(grip, move.gripper_m, plan.cell.limits)
+    if outcome.succeeded and words:
+        return MotionOutcome(ExecutionStatus.DEVIATED, words, outcome.state), grip
+    return outcome, grip
 
 
 def _run_move(plan: Plan, step: Step, move: Move, arm: Motions, note: Callable[..., None]) -> MotionOutcome:
@@ -142,12 +163,8 @@ def _grip(plan: Plan, step: Step, move: Move, arm: Motions) -> tuple[MotionOutco
         both = zip(cell.tool_cog_m, grasp.cog_m, strict=True)
         x, y, z = ((cell.tool_mass_kg * a + grasp.mass_kg * b) / max(mass, 1e-9) for a, b in both)
         return arm.set_payload(mass, (x, y, z)), grip
-    if grip.width_m is not None and grip.width_m < move.gripper_m - cell.limits.grip_tolerance_m:
-        detail = f"the fingers opened to {1e3 * grip.width_m:.1f} mm, commanded {1e3 * move.gripper_m:.1f} mm"
-        return MotionOutcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
-    if grip.vacuum:
-        detail = "the cup does not let go: there is still vacuum under it"
-        return MotionOutcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
+    if words := not_open(grip, move.gripper_m, cell.limits):
+        return MotionOutcome(ExecutionStatus.DEVIATED, words, outcome.state), grip
     return arm.set_payload(cell.tool_mass_kg, cell.tool_cog_m), grip
 
 

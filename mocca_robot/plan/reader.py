@@ -14,6 +14,7 @@ from mocca_robot.errors import InputError, nearest
 from mocca_robot.files.documents import read_text
 from mocca_robot.files.versions import PLAN
 from mocca_robot.plan.arm_models import robot_model
+from mocca_robot.plan.hand import disorder
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint
 from mocca_robot.plan.pose import Three, six, three
@@ -143,7 +144,7 @@ def _step(raw: Mapping[str, Any], where: str) -> Step:
         insertion = _mapping(raw["insertion"], f"{where}: insertion")
         direction = three(_numbers(insertion.get("direction"), 3, f"{where}: insertion direction"))
         alpha = math.radians(_number(insertion, "alpha_deg", f"{where}: insertion"))
-    return Step(
+    step = Step(
         part=part,
         grasp=Grasp(
             width_m=_number(grasp, "width_m", f"{where}: grasp"),
@@ -157,6 +158,9 @@ def _step(raw: Mapping[str, Any], where: str) -> Step:
         direction=direction,
         alpha_rad=alpha,
     )
+    if words := disorder(step):
+        raise InputError(f"{where}, {words}. Plan this part again.")
+    return step
 
 
 def _move(raw: Mapping[str, Any], where: str) -> Move:

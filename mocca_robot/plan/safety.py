@@ -10,6 +10,7 @@ import numpy as np
 
 from mocca_robot.errors import InputError
 from mocca_robot.plan.arm_models import RobotModel, robot_model
+from mocca_robot.plan.hand import disorder, wrong_openings
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Cell, Move, MoveKind, Plan, Step, Waypoint, insertion_axis
 from mocca_robot.plan.pose import angle_rad, distance_m
@@ -113,9 +114,12 @@ def _step_findings(step: Step, plan: Plan, model: RobotModel, where: str) -> Ite
             f"{1e3 * low:.0f} to {1e3 * high:.0f} mm",
             "Grasp the part elsewhere, or use a gripper that opens wide enough.",
         )
-    kinds = [m.kind for m in step.moves]
-    if MoveKind.INSERT in kinds and MoveKind.PICK not in kinds[: kinds.index(MoveKind.INSERT)]:
-        yield PlanFinding(where, "order of moves", ", ".join(kinds), "pick before insert", "Plan this part again.")
+    if words := disorder(step):
+        kinds = ", ".join(m.kind for m in step.moves)
+        yield PlanFinding(where, "order of moves", kinds, f"empty → held → seated → let go: {words}", "Plan again.")
+    else:
+        for k, opening, limit in wrong_openings(step, plan):
+            yield PlanFinding(f"{where}, move {k} ({step.moves[k].kind})", "gripper_m", opening, limit, "Plan again.")
     if step.direction is not None and abs(math.hypot(*step.direction) - 1.0) > 1e-6:
         length = math.hypot(*step.direction)
         yield PlanFinding(where, "length of the insertion direction", f"{length:.6g}", "1", "Normalise it.")

@@ -132,6 +132,8 @@ class UrArm:
             problem = self._gripper.unready(state) or next(
                 blocking_findings(plan, first_step, state, tcp, self._safe), ""
             )
+        except GripperLost as error:
+            problem = str(error)
         except Stopped as stop:
             return self.halt(stop)
         if problem:

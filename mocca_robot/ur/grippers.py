@@ -11,21 +11,20 @@ from mocca_robot.plan.plan import Plan
 from mocca_robot.plan.status import ArmState
 from mocca_robot.ur.suction import SuctionCup
 
+OPENED_INTO_SOMETHING, CLOSED_ON_SOMETHING = 1, 2
+"""Values of the register OBJ; 0 is moving, 3 there."""
 
-class _NotInTheState:
-    """A gripper that the arm's state says nothing about."""
+
+class NoGripper:
+    """A tool without fingers: every grip is taken on trust, and says so by measuring nothing."""
 
     def lost(self, state: ArmState) -> str:
-        """Return '': it is not seen between grips."""
+        """Return '': it is never seen."""
         return ""
 
     def unready(self, state: ArmState) -> str:
         """Return '': nothing speaks against it."""
         return ""
-
-
-class NoGripper(_NotInTheState):
-    """A tool without fingers: every grip is taken on trust, and says so by measuring nothing."""
 
     def move(self, width_m: float, force_n: float, tick: Callable[[], ArmState]) -> Grip:
         """Return a grip without measurement."""
@@ -36,7 +35,7 @@ class NoGripper(_NotInTheState):
         """Do nothing: there is no connection."""
 
 
-class RobotiqSocket(_NotInTheState):
+class RobotiqSocket:
     """A Robotiq 2F-85 behind its URCap's text protocol on port 63352 (variables ACT, GTO, POS, SPE, FOR, OBJ, FLT)."""
 
     PORT = 63352
@@ -70,9 +69,23 @@ class RobotiqSocket(_NotInTheState):
                 fault = self._get("FLT")
                 if fault:
                     raise GripperLost(f"the gripper reports fault {fault}")
-                return Grip(self.STROKE_M * (1.0 - self._get("POS") / 255.0), state in (1, 2))
+                return Grip(1e-3 * self._opening_mm(), state in (OPENED_INTO_SOMETHING, CLOSED_ON_SOMETHING))
             time.sleep(0.02)
         raise GripperLost(f"the fingers did not stop within {self.TIMEOUT_S:g} s")
+
+    def lost(self, state: ArmState) -> str:
+        """Return '': fingers are not seen between grips."""
+        return ""
+
+    def unready(self, state: ArmState) -> str:
+        """Return '' or why no step can begin: the fingers hold something."""
+        if self._get("OBJ") != CLOSED_ON_SOMETHING:
+            return ""
+        wide = f"{self._opening_mm():.0f} mm wide"
+        return f"the fingers hold something, {wide}: take hold of it, then open them with the pendant"
+
+    def _opening_mm(self) -> float:
+        return 1e3 * self.STROKE_M * (1.0 - self._get("POS") / 255.0)
 
     def close(self) -> None:
         """Close the connection; the fingers stay as they are."""

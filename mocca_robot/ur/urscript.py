@@ -16,6 +16,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
 from mocca_robot.plan.gripper import require_drivable
 from mocca_robot.plan.guards import SEATED_SHARE, SEATING_M, SEATING_PACE
+from mocca_robot.plan.hand import hands, to_open
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Move, MoveKind, Plan, Step, Waypoint, insertion_axis
 from mocca_robot.plan.pose import distance_m
@@ -141,8 +142,13 @@ def urscript(plan: Plan) -> str:
         out.append("  keeper = run part_guard()")
     for i, step in enumerate(plan.steps):
         out.append(f'  textmsg("step {i}: {_plain(step.part)}")')
-        for move in step.moves:
-            out += [f"  # {move.kind}", *_move(plan, step, move)]
+        opened: float | None = None
+        for hand, move in zip(hands(step), step.moves, strict=False):
+            out.append(f"  # {move.kind}")
+            if to_open(hand, move, opened):
+                out += _open(plan, move.gripper_m)
+                opened = move.gripper_m
+            out += _move(plan, step, move)
     out += ["  watching = False", f'  popup("{len(plan.steps)} parts are placed.", title="mocca-robot")', "end", ""]
     return "\n".join(out)
 
@@ -300,6 +306,24 @@ def _suck(plan: Plan, step: Step, picks: bool) -> list[str]:
     ]
 
 
+def _open(plan: Plan, opening_m: float) -> list[str]:
+    """Return what opens the empty hand as far as the coming move was planned with, and sees that it is so."""
+    if plan.gripper not in ROBOTIQ:
+        return []  # a cup is off: the program looks at it when it begins and after every release
+    position = _position(plan, opening_m)
+    slack = max(1, round(255 * plan.cell.limits.grip_tolerance_m / ROBOTIQ[plan.gripper].STROKE_M))
+    return [
+        f"  reached = grip({position}, 0)",
+        f"  if reached > {position + slack} or reached < {position - slack}:",
+        '    fail("The fingers are not as open as they were told to be.")',
+        "  end",
+    ]
+
+
+def _position(plan: Plan, opening_m: float) -> int:
+    return round(255 * (1.0 - min(max(opening_m / ROBOTIQ[plan.gripper].STROKE_M, 0.0), 1.0)))
+
+
 def _grip(plan: Plan, step: Step, move: Move) -> list[str]:
     cell, grasp = plan.cell, step.grasp
     picks = move.kind is MoveKind.PICK
@@ -314,7 +338,7 @@ def _grip(plan: Plan, step: Step, move: Move) -> list[str]:
         return [*_suck(plan, step, picks), payload]
     fingers = ROBOTIQ[plan.gripper]
     stroke, (low, high) = fingers.STROKE_M, fingers.FORCE_N
-    position = round(255 * (1.0 - min(max(move.gripper_m / stroke, 0.0), 1.0)))
+    position = _position(plan, move.gripper_m)
     force = round(255 * min(max((grasp.force_n - low) / (high - low), 0.0), 1.0))
     out = [f"  reached = grip({position}, {force})"]
     if picks:

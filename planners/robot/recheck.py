@@ -26,6 +26,8 @@ TOUCH_M = 2e-4
 """The second look asks for less clearance than planning kept: only rounding between samples may use it up."""
 JERK_SLACK = 1.25
 """Third differences of a sampled path overestimate its jerk where it starts and ends."""
+OPENINGS = 7
+"""Openings that are looked at while the hand opens for the next part."""
 PLACED_M = 1e-3
 """How far from its place a part may end."""
 
@@ -43,13 +45,26 @@ def recheck(plan: Plan, cell: RobotCell, site: Site, tray: Tray, *, step_m: floa
     for body in site.bodies:
         scene.place(body.name, tray.motions.get(body.name, np.eye(4)))
     known = {b.name for b in site.bodies}
+    opening = plan.steps[0].moves[0].gripper_m
     for i, step in enumerate(plan.steps):
         if step.part not in known:
             out.append(PlanFinding(f"step {i}", "part", step.part, "a part of the design", "Plan again."))
             continue
+        out.extend(_opened(step.moves[0], opening, f"step {i} ({step.part}), move 0", scene))
         out.extend(_step(step, f"step {i} ({step.part})", cell, site, tray, scene, step_m))
+        opening = step.moves[-1].gripper_m
         scene.place(step.part, np.eye(4))
     return out
+
+
+def _opened(move: Move, before_m: float, where: str, scene: CellScene) -> Iterator[PlanFinding]:
+    """Yield what the hand meets where it is opened, or narrowed, from `before_m` for the first move of a step."""
+    scene.roles()
+    for opening in np.linspace(before_m, move.gripper_m, OPENINGS).tolist():
+        if hit := scene.hit(np.array(move.path[0].q), opening, None):
+            what = f"a collision at an opening of {1e3 * opening:.0f} mm"
+            yield PlanFinding(f"{where}, waypoint 0", what, hit, "none", "Plan this part again.")
+            return
 
 
 def _step(

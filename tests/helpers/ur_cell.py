@@ -101,24 +101,26 @@ def moves_through(at: Waypoint, stops: Sequence[Stop]) -> tuple[Move, ...]:
     return tuple(moves)
 
 
-def full_stops(tray: np.ndarray, seat: np.ndarray) -> list[Stop]:
-    """Return the way of a part from its tray to its seat."""
+def full_stops(tray: np.ndarray, seat: np.ndarray, width: float = WIDTH) -> list[Stop]:
+    """Return the way of a part of that width from its tray to its seat."""
+    closed, opened = width - 0.002, min(width + 0.02, 0.085)
     return [
-        (MoveKind.TRANSIT, tray + above(0.02), OPENED),
-        (MoveKind.APPROACH, tray + above(0.006), OPENED),
-        (MoveKind.PICK, tray, CLOSED),
-        (MoveKind.LIFT, tray + above(0.01), CLOSED),
-        (MoveKind.TRANSIT, seat + above(0.02), CLOSED),
-        (MoveKind.APPROACH, seat + above(0.008), CLOSED),
-        (MoveKind.INSERT, seat, CLOSED),
-        (MoveKind.RELEASE, None, OPENED),
-        (MoveKind.RETREAT, seat + above(0.02), OPENED),
+        (MoveKind.TRANSIT, tray + above(0.02), opened),
+        (MoveKind.APPROACH, tray + above(0.006), opened),
+        (MoveKind.PICK, tray, closed),
+        (MoveKind.LIFT, tray + above(0.01), closed),
+        (MoveKind.TRANSIT, seat + above(0.02), closed),
+        (MoveKind.APPROACH, seat + above(0.008), closed),
+        (MoveKind.INSERT, seat, closed),
+        (MoveKind.RELEASE, None, opened),
+        (MoveKind.RETREAT, seat + above(0.02), opened),
     ]
 
 
 def short_stops(start: np.ndarray, beside: np.ndarray) -> list[Stop]:
     """Return a part that is picked where the arm stands and goes in right below it: quick to rehearse."""
     return [
+        (MoveKind.APPROACH, None, OPENED),
         (MoveKind.PICK, None, CLOSED),
         (MoveKind.APPROACH, start - above(0.004), CLOSED),
         (MoveKind.INSERT, start - above(0.012), CLOSED),
@@ -128,17 +130,18 @@ def short_stops(start: np.ndarray, beside: np.ndarray) -> list[Stop]:
     ]
 
 
-def small_plan(parts: int = 2, short: bool = False) -> Plan:
-    """Return a plan that places `parts` parts."""
+def small_plan(parts: int = 2, short: bool = False, widths: Sequence[float] = ()) -> Plan:
+    """Return a plan that places `parts` parts; those that do not wait where the hand stands may have other widths."""
     at = Waypoint(0.0, six(HOME), MODEL.tcp_pose(HOME, TOOL))
     home = np.array(at.tcp[:3])
     steps = []
     for k in range(parts):
         tray, seat = home + np.array([0, -0.04 - 0.03 * k, -0.05]), home + np.array([0, 0.02 + 0.03 * k, -0.06])
         start, beside = home + np.array([0, 0.04 * k, 0]), home + np.array([0, 0.04 * (k + 1), 0])
-        moves = moves_through(at, short_stops(start, beside) if short else full_stops(tray, seat))
+        width = widths[k] if widths else WIDTH
+        moves = moves_through(at, short_stops(start, beside) if short else full_stops(tray, seat, width))
         at = moves[-1].path[-1]
-        grasp = Grasp(width_m=WIDTH, mass_kg=0.2, cog_m=(0.0, 0.0, 0.15))
+        grasp = Grasp(width_m=width, mass_kg=0.2, cog_m=(0.0, 0.0, 0.15))
         steps.append(Step(f"p{k + 1:02d}", grasp, moves, (0.0, 0.0, -1.0), math.radians(10)))
     return Plan(design_sha256="0" * 64, robot="ur5e", gripper="2f85", cell=CELL, steps=tuple(steps))
 

@@ -102,6 +102,7 @@ UNREADABLE: dict[str, tuple[Edit, str]] = {
     "no mass": (lambda r: r["steps"][0]["grasp"].pop("mass_kg"), r"step 0 \(p01\): grasp: mass_kg.*missing"),
     "raised cap": (lambda r: r["cell"]["limits"].update(transfer_speed_m_s=1.0), "only lower"),
     "unknown cap": (lambda r: r["cell"]["limits"].update(push_force=1.0), "did you mean 'push_force_n'"),
+    "no pick": (lambda r: r["steps"][0]["moves"].pop(2), r"step 0 \(p01\), move 2 \(lift\): the hand is empty"),
     "boolean": (lambda r: r["steps"][0]["moves"][0].update(speed_m_s=True), "speed_m_s holds True"),
 }
 
@@ -158,7 +159,6 @@ UNSAFE: dict[str, tuple[Edit, str]] = {
         lambda r: r["steps"][0]["moves"].pop(1),
         r"move 1 \(pick\), waypoint 0: distance from the end of the move before is",
     ),
-    "no pick": (lambda r: r["steps"][0]["moves"].pop(2), "pick before insert"),
     "branch jump": (lambda r: point(r, 0, 0, 6)["q"].__setitem__(5, 3.0), r"waypoint 6: jump of joint 5 is .*0\.2 rad"),
     "cone": (
         lambda r: r["steps"][0]["insertion"].update(direction=[math.sin(0.3), 0.0, -math.cos(0.3)]),

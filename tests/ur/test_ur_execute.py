@@ -201,7 +201,7 @@ def test_arm_that_stands_elsewhere_is_refused_with_the_joint_angles_to_go_to(tmp
 def test_no_motion_without_a_preflight_that_passed(tmp_path: Path) -> None:
     one_file = written(ONE, tmp_path)
     with fake_controller(one_file, loopback(11)) as host, UrArm(host, ONE, SERIAL) as arm:
-        path = ONE.steps[0].moves[1].path
+        path = ONE.steps[0].moves[2].path
         motions = Motions(arm)
         outcomes = [
             motions.follow(path, force_limit_n=20.0, contact_force_n=None),
@@ -245,7 +245,7 @@ def test_jam_is_left_backwards_and_the_retry_elsewhere_in_the_cone_succeeds(tmp_
     assert truth["begun"]["force"] == 2  # type: ignore[index]
     inserted = next(e for e in result.events if e.event == "move_finished" and e.kind == "insert")
     assert inserted.tcp is not None
-    assert math.dist(inserted.tcp[:3], ONE.steps[0].moves[2].path[-1].tcp[:3]) < 1.5e-3
+    assert math.dist(inserted.tcp[:3], ONE.steps[0].moves[3].path[-1].tcp[:3]) < 1.5e-3
 
 
 @undisturbed
@@ -271,7 +271,7 @@ def test_kill_9_ends_motion_and_the_resume_repeats_nothing_by_itself(tmp_path: P
     arguments = ("--confirm", SERIAL, "--json")
     with fake_controller(two_file, loopback(7)) as host:
         process = start("execute", two_file, "--robot", host, "--journal", journal, *arguments)
-        wait_for(host, lambda t: t["begun"].get("grip", 0) == 3)  # type: ignore[attr-defined]
+        wait_for(host, lambda t: t["begun"].get("grip", 0) == 5)  # type: ignore[attr-defined]
         process.kill()
         process.wait()
         wait_for(host, lambda t: t["speed_rad_s"] == 0.0 and not t["program_running"])
@@ -292,7 +292,7 @@ def test_kill_9_ends_motion_and_the_resume_repeats_nothing_by_itself(tmp_path: P
         resumed = run("execute", "--resume", journal, "--resolve", "p02=repeat", "--robot", host, *arguments)
         assert resumed.returncode == 0, resumed.stderr + resumed.stdout
         after = ask(host)["begun"]
-        assert after["grip"] - before["grip"] == 2 and after["force"] - before["force"] == 1  # one part, not two
+        assert after["grip"] - before["grip"] == 3 and after["force"] - before["force"] == 1  # one part, not two
         assert read_journal(journal).finished == (0, 1)
 
         again = run("execute", "--resume", journal, "--robot", host, *arguments)
@@ -314,7 +314,7 @@ def test_watchdog_stops_the_arm_when_every_process_of_ours_is_killed(tmp_path: P
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("mode", "count"), [("servo", 1), ("force", 1), ("grip", 2), ("servo", 2), ("servo", 3)], ids=lambda v: str(v)
+    ("mode", "count"), [("servo", 1), ("force", 1), ("grip", 3), ("servo", 2), ("servo", 3)], ids=lambda v: str(v)
 )
 @undisturbed
 def test_kill_9_at_any_moment_ends_motion_and_leaves_a_journal_that_asks_a_person(

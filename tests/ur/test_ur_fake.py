@@ -134,7 +134,7 @@ def test_forces_come_from_seats_and_jams() -> None:
     from mocca_robot.ur.fake.world import World
 
     world = World.of_plan(PLAN)
-    insert = PLAN.steps[0].moves[2]
+    insert = PLAN.steps[0].moves[3]
     end, down = np.array(insert.path[-1].tcp[:3]), np.array([0.0, 0.0, -1.0])
     still = np.zeros(3)
     assert world.force(end, still, down) == pytest.approx(np.zeros(6))

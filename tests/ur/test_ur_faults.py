@@ -24,7 +24,7 @@ CASES = [
     ("full", "connection_blip", "servo:1:0.5", Status.CONNECTION_LOST, "transit", "", True),
     ("short", "connection_blip", "force:1:0.3", Status.CONNECTION_LOST, "insert", "", True),
     ("full", "rtde_silent", "servo:1:0.5", Status.CONNECTION_LOST, "transit", "its program has stopped", False),
-    ("short", "rtde_silent", "grip:1", Status.CONNECTION_LOST, "pick", "its program has stopped", False),
+    ("short", "rtde_silent", "grip:2", Status.CONNECTION_LOST, "pick", "its program has stopped", False),
     ("full", "nan", "servo:2:0.3", Status.CONNECTION_LOST, "approach", "not finite", False),
     ("full", "stale", "servo:1:0.3", Status.CONNECTION_LOST, "transit", "ms old, limit 100 ms", False),
     ("full", "protective_stop", "servo:1:0.5", Status.PROTECTIVE_STOP, "transit", "protective stop", True),
@@ -32,7 +32,7 @@ CASES = [
     ("full", "emergency_stop", "servo:3:0.2", Status.EMERGENCY_STOP, "pick", "emergency stop", True),
     ("short", "emergency_stop", "force:1:0.3", Status.EMERGENCY_STOP, "insert", "emergency stop", True),
     ("full", "safeguard_stop", "servo:1:0.5", Status.SAFEGUARD_STOP, "transit", "safeguard stop", True),
-    ("short", "safeguard_stop", "grip:1", Status.SAFEGUARD_STOP, "pick", "safeguard stop", True),
+    ("short", "safeguard_stop", "grip:2", Status.SAFEGUARD_STOP, "pick", "safeguard stop", True),
     ("full", "program_stopped", "servo:1:0.5", Status.PROGRAM_STOPPED, "transit", "the program is stopped", True),
     ("short", "program_stopped", "force:1:0.2", Status.PROGRAM_STOPPED, "insert", "the program is stopped", True),
     ("full", "other_program", "servo:1:0.5", Status.DEVIATED, "transit", "off the path, limit 20 mm", True),
@@ -44,6 +44,7 @@ CASES = [
     ("full", "force", "servo:4:0.1", Status.FORCE_LIMIT, "lift", "30.0 N, limit 20 N", True),
     ("short", "force", "force:1:0.2", Status.FORCE_LIMIT, "insert", "limit 20 N", True),
     ("short", "jam", "force:1:0.2", Status.JAMMED, "insert", "18.0 N", True),
+    ("full", "fingers_stuck", "any", Status.DEVIATED, "transit", "stand at 85.0 mm, commanded 50.0 mm", None),
     ("full", "part_missing", "servo:1", Status.DEVIATED, "pick", "part missing: the fingers closed to 28", None),
 ]
 
@@ -79,7 +80,7 @@ def test_fault_ends_the_motion_and_is_named(
 MOMENTS = {
     "approach": "servo:1:0.1",
     "insert": "force:1:0.3",
-    "release": "grip:2",
+    "release": "grip:3",
     "retreat": "servo:2:0.1",
     "transit": "servo:3:0.3",
 }

@@ -64,7 +64,7 @@ def test_vacuum_comes_at_the_pick_and_goes_at_the_release(tmp_path: Path) -> Non
     assert truth["digital_outputs"] == 0 and not truth["on_cup"]
     events = read_journal(Path(json.loads(done.stdout)["journal"])).events
     seen = {e["kind"]: e["vacuum"] for e in events if "vacuum" in e}
-    assert seen == {"pick": True, "release": False}
+    assert seen == {"approach": False, "pick": True, "release": False}
 
 
 FAULTS = [

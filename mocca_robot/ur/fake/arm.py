@@ -133,6 +133,7 @@ class FakeArm:
         """Do what an operator does after a fault: clear it, leaving the program stopped and the arm where it is."""
         self.world.clear(set(Fault))
         self.triggers.clear()
+        self.world.taken.clear()
         self.slider, self.safety_mode, self.robot_mode = 1.0, NORMAL, RUNNING
         self.stop_program("restored")
 
@@ -265,7 +266,8 @@ class FakeArm:
         velocity = (self.tcp[:3, 3] - before[:3, 3]) / dt
         self.largest_speed_m_s = max(self.largest_speed_m_s, float(np.linalg.norm(velocity)))
         push = self._task[:3, 2] if self.mode == "force" else None
-        self._raw = self.world.force(self.tcp[:3, 3], velocity, push)
+        fingers = None if self.wiring is not None else self.gripper_m
+        self._raw = self.world.force(self.tcp[:3, 3], velocity, push, fingers)
 
     def _velocity(self, dt: float) -> Array:
         if Fault.STUCK in self.world.active:
@@ -347,6 +349,8 @@ class FakeArm:
     def close_gripper(self, wanted_m: float) -> None:
         """Move the fingers: they stop on a part where there is one."""
         self.begin("grip")
+        if Fault.FINGERS_STUCK in self.world.active:
+            return
         if wanted_m < self.gripper_m:
             self.gripper_m, self.gripper_blocked = self.world.grip_width(self.tcp[:3, 3], wanted_m)
         else:

@@ -212,7 +212,7 @@ class FakeController:
             elif "q" in request:
                 arm.q = np.array([float(v) for v in request["q"]])
             elif "gripper_m" in request:
-                arm.gripper_m = float(request["gripper_m"])
+                arm.gripper_m, arm.gripper_blocked = float(request["gripper_m"]), False
             elif "output" in request:
                 arm.switch(int(request["output"]), bool(request["on"]))
         except (KeyError, ValueError, InputError, AttributeError) as error:

@@ -11,6 +11,7 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError, nearest
 from mocca_robot.plan.plan import MoveKind, Plan, insertion_axis
+from mocca_robot.plan.pose import transform
 
 SEAT_STIFFNESS_N_M = 20_000.0
 """Of the place where a part ends up: force control in steps of 30 ms stays stable on it."""
@@ -18,6 +19,7 @@ SEAT_PLAY_M = 2e-4
 SLIDING_N = 2.0
 EARLY_STIFFNESS_N_M = 2_000.0
 LINE_RADIUS_M = 0.01
+PART_TOP_M = 0.005
 
 
 class Fault(StrEnum):
@@ -45,6 +47,8 @@ class Fault(StrEnum):
     CONTACT = "contact"
     FORCE = "force"
     PART_MISSING = "part_missing"
+    FINGERS_STUCK = "fingers_stuck"
+    """The gripper says that it has moved, and its fingers stay where they are."""
     PART_LOST = "part_lost"
     """The part falls off the cup."""
     PART_STICKS = "part_sticks"
@@ -91,16 +95,33 @@ class SeatStop:
     depth_m: float
 
 
+@dataclass(frozen=True)
+class TrayPart:
+    """A part that fingers along `tool_axis` grip at `where`; it is as wide up to `PART_TOP_M` above that."""
+
+    where: Array
+    width_m: float
+    tool_axis: Array
+
+    def depth(self, position: Array) -> float:
+        """Return how deep closed fingertips at `position` would have to be inside the part."""
+        offset = self.where - position
+        above = float(offset @ self.tool_axis)
+        beside = float(np.linalg.norm(offset - above * self.tool_axis))
+        return max(PART_TOP_M - above, 0.0) if beside < LINE_RADIUS_M and above > -PART_TOP_M else 0.0
+
+
 @dataclass
 class World:
     """Seats, parts in their trays, and the faults that are active now.
 
     Attributes:
-        parts: (3,) tool position at which a part of that width can be gripped.
+        parts: what lies in the tray; taken: which of it was gripped since.
     """
 
     seats: list[SeatStop] = field(default_factory=list)
-    parts: list[tuple[Array, float]] = field(default_factory=list)
+    parts: list[TrayPart] = field(default_factory=list)
+    taken: set[int] = field(default_factory=set)
     active: set[Fault] = field(default_factory=set)
     _early_point: Array | None = None
     _early_direction: Array | None = None
@@ -112,16 +133,23 @@ class World:
         for step in plan.steps:
             for move in step.moves:
                 if move.kind is MoveKind.PICK:
-                    world.parts.append((np.array(move.path[-1].tcp[:3]), step.grasp.width_m))
+                    tool = transform(move.path[-1].tcp)
+                    world.parts.append(TrayPart(tool[:3, 3], step.grasp.width_m, tool[:3, 2]))
                 if move.kind is MoveKind.INSERT:
                     for path in (move.path, *move.alternatives):
                         axis, depth = insertion_axis(path)
                         world.seats.append(SeatStop(np.array(path[0].tcp[:3]), axis, depth))
         return world
 
-    def force(self, position: Array, velocity: Array, push: Array | None) -> Array:
-        """Return the wrench (6,) that the tool feels, base frame; `push` is the force-mode axis or None."""
+    def force(self, position: Array, velocity: Array, push: Array | None, opening_m: float | None = None) -> Array:
+        """Return the wrench (6,) that the tool feels, base frame; `push` is the force-mode axis or None, `opening_m` is
+        between fingers, if there are any: they collide with a part that does not fit between them.
+        """
         out = np.zeros(6)
+        for k, part in enumerate(self.parts):
+            if opening_m is not None and k not in self.taken and opening_m < part.width_m - 1e-4:
+                deep = part.depth(position)
+                out[:3] -= part.tool_axis * (EARLY_STIFFNESS_N_M * deep)
         speed = float(np.linalg.norm(velocity))
         if push is not None:
             for seat in self.seats[:]:
@@ -159,13 +187,14 @@ class World:
     def part_at(self, position: Array) -> bool:
         """Return whether a cup at `position` finds a part."""
         missing = Fault.PART_MISSING in self.active
-        return not missing and any(np.linalg.norm(where - position) < 0.01 for where, _ in self.parts)
+        return not missing and any(np.linalg.norm(part.where - position) < 0.01 for part in self.parts)
 
     def grip_width(self, position: Array, wanted_m: float) -> tuple[float, bool]:
         """Return the opening that closing fingers reach at `position`, and whether a part stopped them."""
         if Fault.PART_MISSING in self.active:
             return wanted_m, False
-        for where, width in self.parts:
-            if np.linalg.norm(where - position) < 0.01 and wanted_m <= width:
-                return width, True
+        for k, part in enumerate(self.parts):
+            if np.linalg.norm(part.where - position) < 0.01 and wanted_m <= part.width_m:
+                self.taken.add(k)
+                return part.width_m, True
         return wanted_m, False
