@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from mocca_robot.plan.arm import Arm
 from mocca_robot.plan.gripper import Grip, holds
 from mocca_robot.plan.hand import disorder, hands, not_open, to_open
 from mocca_robot.plan.insertion_skill import insert
-from mocca_robot.plan.journal import utc_now
+from mocca_robot.plan.journal import JournalLost, utc_now
 from mocca_robot.plan.motions import Motions
 from mocca_robot.plan.plan import Move, MoveKind, Plan, Step
 from mocca_robot.plan.status import ExecutionEvent, ExecutionStatus, MotionOutcome
+from mocca_robot.plan.supervision import Stopped
 
 GUARDED = frozenset({MoveKind.APPROACH, MoveKind.PICK})
 ZEROED = frozenset({MoveKind.TRANSIT, MoveKind.APPROACH, MoveKind.INSERT})
@@ -47,15 +48,19 @@ class Execution:
 
 
 class _Recorder:
-    """Journal, listener and list in one; the journal comes first, so that what is seen is also remembered."""
+    """Journal, listener and list in one; the journal comes first, so that what is seen is also remembered.
+
+    `journal` becomes None once it is lost.
+    """
 
     def __init__(self, journal: Log, listener: Listener | None) -> None:
-        self.journal = journal
+        self.journal: Log | None = journal
         self.listener = listener
         self.events: list[ExecutionEvent] = []
 
     def __call__(self, event: ExecutionEvent) -> None:
-        self.journal.append(event)
+        if self.journal is not None:
+            self.journal.append(event)
         self.events.append(event)
         if self.listener is not None:
             self.listener(event)
@@ -72,26 +77,41 @@ def execute(
 ) -> Execution:
     """Return how building `plan` on `arm` ended, from `first_step` on, at a share `speed` of the planned speeds.
 
-    Every event is in the journal before the next motion begins. The first motion that does not succeed ends the
-    execution; its event carries status, measured pose, force and whether the stop was observed.
+    Every event is in the journal before the next motion begins: UNRECORDED when it cannot be. The first motion that
+    does not succeed ends the execution; its event carries status, measured pose, force and whether the stop was seen.
     """
     record = _Recorder(journal, listener)
-    outcome = arm.preflight(plan, first_step)
-    record(_event("preflight", outcome))
-    finished = first_step
-    motions = Motions(arm, speed)
-    if outcome.succeeded:
-        for i in range(first_step, len(plan.steps)):
-            step = plan.steps[i]
-            record(ExecutionEvent(time_utc=utc_now(), event="step_started", step=i, part=step.part))
-            outcome = _run_step(plan, i, motions, record)
-            if not outcome.succeeded:
-                break
-            record(_event("step_finished", outcome, i, step.part))
-            finished += 1
+    try:
+        outcome = _steps(plan, first_step, Motions(arm, speed), record)
+    except JournalLost as lost:
+        record.journal = None
+        outcome = arm.halt(Stopped(ExecutionStatus.UNRECORDED, str(lost)))
+    finished = first_step + sum(e.event == "step_finished" for e in record.events)
     ended = "finished" if outcome.succeeded else "stopped"
-    record(_event(ended, outcome, record.events[-1].step, record.events[-1].part))
-    return Execution(outcome.status, outcome.detail, finished, tuple(record.events))
+    step, part = (record.events[-1].step, record.events[-1].part) if record.events else (None, None)
+    try:
+        record(_event(ended, outcome, step, part))
+    except JournalLost as lost:
+        record.journal = None
+        detail = f"{outcome.detail}; {lost}" if outcome.detail else str(lost)
+        record(_event(ended, replace(outcome, detail=detail), step, part))
+    return Execution(outcome.status, record.events[-1].detail, finished, tuple(record.events))
+
+
+def _steps(plan: Plan, first_step: int, motions: Motions, record: _Recorder) -> MotionOutcome:
+    """Return how the last step ended that was begun, or the preflight."""
+    outcome = motions.arm.preflight(plan, first_step)
+    record(_event("preflight", outcome))
+    if not outcome.succeeded:
+        return outcome
+    for i in range(first_step, len(plan.steps)):
+        part = plan.steps[i].part
+        record(ExecutionEvent(time_utc=utc_now(), event="step_started", step=i, part=part))
+        outcome = _run_step(plan, i, motions, record)
+        if not outcome.succeeded:
+            return outcome
+        record(_event("step_finished", outcome, i, part))
+    return outcome
 
 
 def _run_step(plan: Plan, index: int, arm: Motions, record: _Recorder) -> MotionOutcome:

@@ -7,6 +7,8 @@ is never repeated by itself: a person looks at the cell and says what became of 
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import json
 import os
 from collections.abc import Mapping
@@ -16,7 +18,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal
 
-from mocca_robot.errors import InputError
+from mocca_robot.errors import EnvironmentNeeded, InputError
 from mocca_robot.files.versions import JOURNAL
 from mocca_robot.plan.plan import Plan
 from mocca_robot.plan.status import ExecutionEvent
@@ -30,8 +32,12 @@ def utc_now() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
+class JournalLost(EnvironmentNeeded):
+    """A line could not be written whole, or the disk did not confirm it: whatever it announces must not happen."""
+
+
 class Journal:
-    """An open journal. `append` returns when the line is on the disk."""
+    """An open journal. `append` returns when the line is on the disk; JournalLost when it cannot get there."""
 
     def __init__(self, descriptor: int, path: Path) -> None:
         self._descriptor = descriptor
@@ -50,17 +56,20 @@ class Journal:
         except OSError as error:
             raise InputError(f"Cannot create the journal {path}: {error.strerror}. Name another file.") from error
         journal = cls(descriptor, path)
-        journal._write(
-            {
-                "format": JOURNAL.name,
-                "version": JOURNAL.version,
-                "plan_sha256": plan.sha256,
-                "plan": str(Path(plan_file).resolve()) if plan_file else "",
-                "robot": robot,
-                "time": utc_now(),
-            }
-        )
-        _sync_folder(path.parent)
+        header = {
+            "format": JOURNAL.name,
+            "version": JOURNAL.version,
+            "plan_sha256": plan.sha256,
+            "plan": str(Path(plan_file).resolve()) if plan_file else "",
+            "robot": robot,
+            "time": utc_now(),
+        }
+        try:
+            journal._write(header)
+            _sync_folder(path.parent)
+        except JournalLost:
+            journal.discard()
+            raise
         return journal
 
     @classmethod
@@ -75,16 +84,39 @@ class Journal:
         journal = cls(os.open(path, os.O_WRONLY | os.O_APPEND), Path(path))
         if record.truncated is not None:
             # The cut line stays in the file as evidence; a newline keeps it apart from what follows.
-            os.write(journal._descriptor, b"\n")
+            journal._append(b"\n")
         return journal, record
 
     def append(self, event: ExecutionEvent) -> None:
         """Write one event and wait until the disk has it."""
         self._write(event.document())
 
+    def discard(self) -> None:
+        """Close the journal and remove its file: nothing has moved that it would have to remember."""
+        self.close()
+        self.path.unlink(missing_ok=True)
+
     def _write(self, values: Mapping[str, Any]) -> None:
-        os.write(self._descriptor, (json.dumps(values) + "\n").encode())
-        os.fsync(self._descriptor)
+        self._append((json.dumps(values) + "\n").encode())
+
+    def _append(self, line: bytes) -> None:
+        """Write all of `line` and sync it, or take back what was written of it."""
+        before = os.fstat(self._descriptor).st_size
+        try:
+            rest = line
+            while rest:
+                written = os.write(self._descriptor, rest)  # a disk that is almost full takes a part
+                if written == 0:
+                    raise OSError(errno.EIO, os.strerror(errno.EIO))
+                rest = rest[written:]
+            os.fsync(self._descriptor)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._descriptor, before)
+            raise JournalLost(
+                f"the journal {self.path} cannot be written ({error.strerror}): free space on that disk, or name "
+                "another one with --journal"
+            ) from error
 
     def close(self) -> None:
         """Close the file; the journal cannot be written to any more."""

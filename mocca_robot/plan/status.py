@@ -26,6 +26,8 @@ class ExecutionStatus(StrEnum):
     PROGRAM_STOPPED = "program_stopped"
     REFUSED = "refused"
     CANCELLED = "cancelled"
+    UNRECORDED = "unrecorded"
+    """The journal could not be written: nothing moves that it does not announce."""
 
 
 @dataclass(frozen=True, kw_only=True)

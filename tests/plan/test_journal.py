@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import pytest
 from ur_cell import small_plan
 
 from mocca_robot.errors import InputError
-from mocca_robot.plan.journal import Journal, next_step, read_journal, utc_now
+from mocca_robot.plan.journal import Journal, JournalLost, next_step, read_journal, utc_now
 from mocca_robot.plan.plan import Plan
 from mocca_robot.plan.status import ExecutionEvent, ExecutionStatus
 
@@ -119,3 +121,50 @@ def test_a_persons_resolution_settles_the_step(tmp_path: Path) -> None:
     assert (record.finished, record.unfinished) == ((0,), None)
     record = read_journal(written(tmp_path / "k", event("step_started", 0), event("resolved_repeat", 0)))
     assert next_step(record, PLAN, None) == 0
+
+
+@pytest.mark.parametrize("fits", range(0, 120, 7))
+@pytest.mark.parametrize("fails", ["write", "fsync"])
+def test_a_line_is_on_the_disk_whole_or_it_was_never_there(
+    fits: int, fails: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that fills up takes the beginning of a line without a word; the next write is an error."""
+    whole, room, sync = os.write, [fits], os.fsync
+
+    def write(descriptor: int, data: bytes) -> int:
+        if fails == "fsync":
+            return whole(descriptor, data[:7])
+        if room[0] == 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        count = whole(descriptor, data[: room[0]])
+        room[0] -= count
+        return count
+
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with Journal.create(tmp_path / "j", PLAN, "robot-1") as journal:
+        journal.append(event("step_started", 0))
+        before = (tmp_path / "j").read_bytes()
+        monkeypatch.setattr(os, "write", write)
+        if fails == "fsync":
+            monkeypatch.setattr(os, "fsync", full)
+        with pytest.raises(JournalLost, match="No space left"):
+            journal.append(event("move_started", 0))
+        monkeypatch.setattr(os, "write", whole)
+        monkeypatch.setattr(os, "fsync", sync)
+        assert (tmp_path / "j").read_bytes() == before
+        journal.append(event("step_finished", 0))
+    assert read_journal(tmp_path / "j").finished == (0,)
+
+
+def test_a_journal_that_cannot_be_begun_leaves_no_file_that_would_block_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(JournalLost, match="cannot be written"):
+        Journal.create(tmp_path / "j", PLAN, "robot-1")
+    assert not (tmp_path / "j").exists()
