@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mocca_robot.cli.exit_code import positive_if
+from mocca_robot.cli.voice import Voice
 from mocca_robot.errors import InputError
 from mocca_robot.ur.fake.serve import add_fake_ur_options, run_fake_ur
 
 if TYPE_CHECKING:
-    from mocca_robot.plan.journal import Record, Resolution
+    from collections.abc import Callable
+
+    from mocca_robot.plan.journal import Journal, Record, Resolution
     from mocca_robot.plan.plan import Plan
     from mocca_robot.plan.status import ExecutionEvent
+    from mocca_robot.ur.driver import UrArm
 
 
 def register(subparsers: Any) -> None:
@@ -99,7 +102,7 @@ def _dry_run(plan: Plan, first: int, as_json: bool) -> int:
     from mocca_robot.plan.dry_run import dry_run
 
     result = dry_run(plan, first)
-    print(json.dumps(result.document()) if as_json else result.text())
+    Voice().say(json.dumps(result.document()) if as_json else result.text())
     return positive_if(not result.findings)
 
 
@@ -111,63 +114,99 @@ def _build(
     first: int,
     resolution: tuple[str, Resolution] | None,
 ) -> int:
-    """Build on a robot. Ctrl-C and SIGTERM stop the arm within one cycle, and are journalled as cancelled."""
-    import signal
-
-    from mocca_robot.plan.executor import execute
-    from mocca_robot.plan.journal import Journal
+    """Build on a robot. Whatever ends it, the arm is stopped and the journal says so; only a finished build returns0."""
     from mocca_robot.plan.safety import require_sound
     from mocca_robot.ur.driver import UrArm
     from mocca_robot.ur.link import require_client
-    from mocca_robot.ur.preflight import QUESTION_S, questions
 
     require_sound(plan)
     require_client()
-    say = _silent if args.json else _say
+    voice = Voice()
     if record is not None and record.truncated is not None:
-        print(f"note: a line of the journal was cut off while it was written: {record.truncated[:60]}", file=sys.stderr)
+        voice.warn(f"note: a line of the journal was cut off while it was written: {record.truncated[:60]}")
     if first >= len(plan.steps) and (resolution is None or record is None):
-        return _report(args.json, {"status": "succeeded", "detail": "every step is finished already", "journal": ""})
+        done = {"status": "succeeded", "detail": "every step is finished already", "journal": ""}
+        return _report(voice, args.json, done)
     target = args.resume if args.resume is not None else args.journal or path.with_suffix(".journal.jsonl")
     if record is None and target.exists():
         raise InputError(
             f"The journal {target} exists. Continue it with --resume {target}, or name another with --journal."
         )
-    interrupted: list[int] = []
-    before = {
-        n: signal.signal(n, lambda number, _: interrupted.append(number)) for n in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        with UrArm(args.robot, plan, args.confirm, cancelled=lambda: bool(interrupted)) as arm:
-            if record is None:
-                journal = Journal.create(target, plan, arm.name, path)
-            else:
-                journal, _ = Journal.reopen(target, plan)
-                _note_resume(journal, plan, record, resolution)
+    with _Signals() as interrupted:
+
+        def cancelled() -> str:
+            unheard = "nobody reads what this program says any more (its output was closed)" if voice.deaf else ""
+            return interrupted() or unheard
+
+        with UrArm(args.robot, plan, args.confirm, cancelled) as arm:
+            journal = _open_journal(target, plan, arm.name, path, record, resolution)
             with journal:
                 if first >= len(plan.steps):
-                    return _report(
-                        args.json, {"status": "succeeded", "detail": "every step is finished", "journal": str(target)}
-                    )
-                if not args.json:
-                    places = sum(1 for _ in questions(plan, first))
-                    print(
-                        f"before it moves, {places} places are put to the robot's own safety limits: "
-                        f"about {places * QUESTION_S:.0f} s",
-                        flush=True,
-                    )
-                result = execute(plan, arm, journal, first, say)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+                    done = {"status": "succeeded", "detail": "every step is finished", "journal": str(target)}
+                    return _report(voice, args.json, done)
+                last = _run(args, plan, arm, journal, first, voice)
+    return _report(voice, args.json, {**last, "journal": str(target)})
+
+
+def _run(
+    args: argparse.Namespace, plan: Plan, arm: UrArm, journal: Journal, first: int, voice: Voice
+) -> dict[str, Any]:
+    """Return how the build ended, as JSON-ready values."""
+    from mocca_robot.plan.executor import execute
+    from mocca_robot.ur.preflight import QUESTION_S, questions
+
+    if not args.json:
+        places = sum(1 for _ in questions(plan, first))
+        voice.say(
+            f"before it moves, {places} places are put to the robot's own safety limits: "
+            f"about {places * QUESTION_S:.0f} s"
+        )
+    result = execute(plan, arm, journal, first, None if args.json else lambda event: voice.say(_line(event)))
     last = result.last.document()
-    last.update(
-        status=str(result.status), detail=result.detail, steps_finished=result.steps_finished, journal=str(target)
-    )
-    return _report(args.json, last)
+    return {
+        **last,
+        "status": str(result.status),
+        "detail": result.detail,
+        "steps_finished": result.steps_finished,
+    }
 
 
-def _note_resume(journal: Any, plan: Plan, record: Record, resolution: tuple[str, Resolution] | None) -> None:
+def _open_journal(
+    target: Path,
+    plan: Plan,
+    robot: str,
+    plan_file: Path,
+    record: Record | None,
+    resolution: tuple[str, Resolution] | None,
+) -> Journal:
+    from mocca_robot.plan.journal import Journal
+
+    if record is None:
+        return Journal.create(target, plan, robot, plan_file)
+    journal, _ = Journal.reopen(target, plan)
+    _note_resume(journal, plan, record, resolution)
+    return journal
+
+
+class _Signals:
+    """Ctrl-C, SIGTERM and a closed terminal inside only leave word: the arm then stops within one cycle."""
+
+    def __enter__(self) -> Callable[[], str]:
+        import signal
+
+        heard: list[int] = []
+        numbers = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+        self._before = {n: signal.signal(n, lambda number, _: heard.append(number)) for n in numbers}
+        return lambda: "cancelled by the user" if heard else ""
+
+    def __exit__(self, *_: object) -> None:
+        import signal
+
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+
+def _note_resume(journal: Journal, plan: Plan, record: Record, resolution: tuple[str, Resolution] | None) -> None:
     """Write that and how a person resumed: the mark comes first, right after a line that may have been cut off."""
     from mocca_robot.plan.journal import utc_now
     from mocca_robot.plan.status import ExecutionEvent
@@ -179,29 +218,24 @@ def _note_resume(journal: Any, plan: Plan, record: Record, resolution: tuple[str
         journal.append(ExecutionEvent(time_utc=utc_now(), event=resolved, step=record.unfinished, part=part))
 
 
-def _report(as_json: bool, values: dict[str, Any]) -> int:
+def _report(voice: Voice, as_json: bool, values: dict[str, Any]) -> int:
     if as_json:
-        print(json.dumps(values))
+        voice.say(json.dumps(values))
     else:
         where = f" at step {values['step']} ({values.get('part')})" if values.get("step") is not None else ""
-        print(f"{values['status']}{where}: {values.get('detail', '')}".rstrip(": "))
+        voice.say(f"{values['status']}{where}: {values.get('detail', '')}".rstrip(": "))
         if values["status"] != "succeeded":
             seen = values.get("stop_observed")
-            print(
-                f"standstill measured: {'yes' if seen else 'not needed' if seen is None else 'NO: look at the robot'}"
-            )
+            measured = "yes" if seen else "not needed" if seen is None else "NO: look at the robot"
+            voice.say(f"standstill measured: {measured}")
         if values.get("journal"):
-            print(f"journal: {values['journal']}")
+            voice.say(f"journal: {values['journal']}")
     return positive_if(values["status"] == "succeeded")
 
 
-def _say(event: ExecutionEvent) -> None:
+def _line(event: ExecutionEvent) -> str:
     where = " ".join(str(v) for v in (event.part, event.kind) if v is not None)
-    print(f"{event.time_utc}  {event.event:15s} {where:20s} {event.status or ''} {event.detail}".rstrip(), flush=True)
-
-
-def _silent(event: ExecutionEvent) -> None:
-    """Print nothing: the JSON document at the end says it all."""
+    return f"{event.time_utc}  {event.event:15s} {where:20s} {event.status or ''} {event.detail}".rstrip()
 
 
 def export_urscript(plan_file: Path, output: Path, design: Path | None = None) -> Path:

@@ -42,10 +42,11 @@ class UrArm:
     Entering takes the lock, checks who and in which state the robot is, connects the eyes, then the hands (which
     uploads a control script that does not move), and starts the watchdog; until it is left, this process is preferred
     by the scheduler where that is allowed. InputError and EnvironmentNeeded say why a
-    robot cannot be used. `cancelled` is asked in every cycle; once it returns True, motions end with CANCELLED.
+    robot cannot be used. `cancelled` is asked in every cycle; once it returns a reason, motions end
+    with CANCELLED and that.
     """
 
-    def __init__(self, host: str, plan: Plan, confirm: str, cancelled: Callable[[], bool] = lambda: False) -> None:
+    def __init__(self, host: str, plan: Plan, confirm: str, cancelled: Callable[[], str] = lambda: "") -> None:
         self.host = host
         self.plan = plan
         self.limits: MotionLimits = plan.cell.limits

@@ -20,14 +20,14 @@ ABSENCE = 5.0
 
 
 class Monitor:
-    """A supervised stream of states. `cancelled` is asked in every cycle.
+    """A supervised stream of states. `cancelled` is asked in every cycle for a reason to end.
 
     The age of a state counts the time in which this process ran: a computer that pauses all of its processes for a
     moment has not heard the robot fall silent. Meanwhile, and after `ABSENCE` in any case, the controller's watchdog
     decides, which such a pause does not stop.
     """
 
-    def __init__(self, host: str, limits: MotionLimits, cancelled: Callable[[], bool]) -> None:
+    def __init__(self, host: str, limits: MotionLimits, cancelled: Callable[[], str]) -> None:
         self.host = host
         self.limits = limits
         self.last: ArmState | None = None
@@ -50,8 +50,8 @@ class Monitor:
 
     def watch(self) -> ArmState:
         """Return a fresh state in which our program runs; Stopped otherwise, or when the user has cancelled."""
-        if self._cancelled():
-            raise Stopped(ExecutionStatus.CANCELLED, "cancelled by the user", self.last)
+        if reason := self._cancelled():
+            raise Stopped(ExecutionStatus.CANCELLED, reason, self.last)
         state = self.poll()
         ended = program_stop(state)
         if ended is not None:

@@ -7,10 +7,12 @@ import math
 import os
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -262,6 +264,61 @@ def test_ctrl_c_stops_the_arm_and_is_journalled(tmp_path: Path) -> None:
     assert (result["status"], result["stop_observed"]) == ("cancelled", True)
     assert truth["speed_rad_s"] == 0.0 and not truth["program_running"]
     assert read_journal(Path(result["journal"])).unfinished == 0
+
+
+def real_command(plan_file: Path, host: str, **options: Any) -> subprocess.Popen[str]:
+    """Start the real command, as a person would."""
+    words = [sys.executable, "-m", "mocca_robot.cli", "execute", plan_file, "--robot", host, "--confirm", SERIAL]
+    return subprocess.Popen(
+        [str(w) for w in words],
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        **options,
+    )
+
+
+@undisturbed
+def test_a_build_whose_output_is_closed_stops_and_is_not_called_done(tmp_path: Path) -> None:
+    """As `execute … | head` does: the arm stops, the journal says so, and the rest is said on stderr."""
+    one_file = written(ONE, tmp_path)
+    with fake_controller(one_file, loopback(14)) as host:
+        process = real_command(one_file, host)
+        wait_for(host, lambda t: t["mode"] == "servo")
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        said = process.stderr.read()
+        process.wait(30)
+        truth = ask(host)
+    assert process.returncode == 1, said
+    assert "nobody reads what this program says" in said and "standstill measured: yes" in said
+    assert truth["speed_rad_s"] == 0.0 and not truth["program_running"]
+    record = read_journal(one_file.with_suffix(".journal.jsonl"))
+    assert (record.events[-1]["event"], record.events[-1]["status"]) == ("stopped", "cancelled")
+    assert record.unfinished == 0 and record.events[-1]["stop_observed"] is True
+
+
+@pytest.mark.parametrize("size", [1500, 2600])
+@undisturbed
+def test_nothing_moves_that_a_full_disk_does_not_announce(size: int, tmp_path: Path) -> None:
+    import resource
+
+    one_file = written(ONE, tmp_path)
+    with fake_controller(one_file, loopback(15)) as host:
+        process = real_command(
+            one_file, host, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+        )
+        out, said = process.communicate(timeout=60)
+        truth = ask(host)
+    assert process.returncode == 1, said
+    assert "unrecorded" in out and "cannot be written" in out and "standstill measured: yes" in out
+    record = read_journal(one_file.with_suffix(".journal.jsonl"))
+    assert record.truncated is None and record.unfinished == 0
+    begun = [e["kind"] for e in record.events if e["event"] == "move_started"]
+    assert truth["begun"].get("force", 0) <= begun.count("insert") and not truth["program_running"]
+    assert truth["begun"].get("grip", 0) <= sum({"approach": 1, "pick": 1, "release": 1}.get(k, 0) for k in begun)
 
 
 @undisturbed

@@ -1,0 +1,47 @@
+"""What a build says while an arm moves, and whether anybody can still hear it."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+
+class Voice:
+    """Lines on stdout. Once nobody reads that (`| head`, a closed window), `deaf` is true and the rest goes to stderr.
+
+    Writing never raises: an arm must not be left to itself because of a line that could not be printed.
+    """
+
+    def __init__(self) -> None:
+        self.deaf = False
+
+    def say(self, text: str) -> None:
+        """Print a line where it can be read."""
+        if not self.deaf:
+            try:
+                print(text, flush=True)
+                return
+            except (OSError, ValueError):
+                self._stop_listening()
+        self.warn(text)
+
+    def warn(self, text: str) -> None:
+        """Print a line to stderr, if that is there."""
+        try:
+            print(text, file=sys.stderr, flush=True)
+        except (OSError, ValueError):
+            self._silence(2)
+
+    def _stop_listening(self) -> None:
+        self.deaf = True
+        self._silence(1)
+
+    @staticmethod
+    def _silence(descriptor: int) -> None:
+        """What Python still holds back for this stream must not fail again when the process ends."""
+        try:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, descriptor)
+            os.close(nowhere)
+        except OSError:
+            return
