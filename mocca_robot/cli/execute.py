@@ -16,6 +16,8 @@ from mocca_robot.cli.voice import Voice
 from mocca_robot.errors import InputError
 from mocca_robot.ur.fake.serve import add_fake_ur_options, run_fake_ur
 
+SLOWEST = 0.01
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -45,6 +47,13 @@ def add_execute_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--confirm", metavar="NAME", help="the robot's serial number, or the cell's name if it records it"
     )
+    parser.add_argument(
+        "--speed",
+        type=float,
+        default=1.0,
+        metavar="SHARE",
+        help="of the planned speeds, 0.01 to 1 (default 1); the pendant's slider slows down further",
+    )
     parser.add_argument("--journal", type=Path, help="journal to write (default: PLAN.journal.jsonl)")
     parser.add_argument("--resume", type=Path, metavar="JOURNAL", help="go on after an interruption")
     parser.add_argument(
@@ -59,6 +68,8 @@ def run_execute(args: argparse.Namespace) -> int:
     from mocca_robot.plan.journal import next_step, read_journal
     from mocca_robot.plan.reader import read_plan
 
+    if not SLOWEST <= args.speed <= 1.0:
+        raise InputError(f"--speed is {args.speed:g}; give a share of the planned speeds from {SLOWEST:g} to 1.")
     if args.robot is None and args.confirm is not None:
         raise InputError("--confirm names a robot, but --robot does not say where it is. Give both, or neither.")
     record = read_journal(args.resume) if args.resume is not None else None
@@ -114,7 +125,7 @@ def _build(
     first: int,
     resolution: tuple[str, Resolution] | None,
 ) -> int:
-    """Build on a robot. Whatever ends it, the arm is stopped and the journal says so; only a finished build returns0."""
+    """Build on a robot. What ends it early stops the arm and is journalled; only a finished build returns 0."""
     from mocca_robot.plan.safety import require_sound
     from mocca_robot.ur.driver import UrArm
     from mocca_robot.ur.link import require_client
@@ -161,7 +172,10 @@ def _run(
             f"before it moves, {places} places are put to the robot's own safety limits: "
             f"about {places * QUESTION_S:.0f} s"
         )
-    result = execute(plan, arm, journal, first, None if args.json else lambda event: voice.say(_line(event)))
+        moving = sum(m.path[-1].t - m.path[0].t for s in plan.steps[first:] for m in s.moves) / args.speed
+        voice.say(f"about {moving:.0f} s of motion at {args.speed:.0%} speed, with the slider of the pendant at 100 %")
+    listener = None if args.json else lambda event: voice.say(_line(event))
+    result = execute(plan, arm, journal, first, listener, speed=args.speed)
     last = result.last.document()
     return {
         **last,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from typing import TextIO
 
 
 class Voice:
@@ -19,7 +20,7 @@ class Voice:
         """Print a line where it can be read."""
         if not self.deaf:
             try:
-                print(text, flush=True)
+                _write(sys.stdout, text)
                 return
             except (OSError, ValueError):
                 self._stop_listening()
@@ -28,7 +29,7 @@ class Voice:
     def warn(self, text: str) -> None:
         """Print a line to stderr, if that is there."""
         try:
-            print(text, file=sys.stderr, flush=True)
+            _write(sys.stderr, text)
         except (OSError, ValueError):
             self._silence(2)
 
@@ -45,3 +46,9 @@ class Voice:
             os.close(nowhere)
         except OSError:
             return
+
+
+def _write(stream: TextIO | None, text: str) -> None:
+    if stream is not None:
+        stream.write(text + "\n")
+        stream.flush()

@@ -28,7 +28,12 @@ SEATED_SHARE = 0.25
 all of it would push a light structure apart that stands by its shape alone."""
 SEATING_M, SEATING_PACE = 0.002, 0.3
 """Over the last 2 mm a part is pushed at this share of the speed: the arm's momentum is what hits the structure."""
+GRACE_S = 2.0
 STALL_S = 1.0
+RESISTS = 0.7
+"""Of the push force: an arm in force mode presses on a jam with no more than it was told to."""
+CREEPS = 0.05
+"""Of the speed that is asked for: what is slower than that stands still, whatever a cell calls slow."""
 STILL_RAD_S = 0.01
 
 
@@ -76,11 +81,38 @@ def arrived(state: ArmState, goal: Waypoint, limits: MotionLimits) -> bool:
     )
 
 
-class PushGuard:
-    """The guard of one push from `start` along `axis` (3,) over `wanted_m`; `depth_m` is what was measured last."""
+class Deadline:
+    """Time for a motion of `seconds` at full speed, and a grace after it; it passes as fast as the arm may move."""
 
-    def __init__(self, start: ArmState, axis: Array, wanted_m: float, bias: Array, limits: MotionLimits) -> None:
+    def __init__(self, seconds: float, now: float) -> None:
+        self.seconds = seconds
+        self._left, self._grace, self._now = 1.1 * seconds, GRACE_S, now
+
+    def check(self, state: ArmState, now: float) -> None:
+        """Stop with TIMED_OUT once the time is over; to be called in every cycle."""
+        passed, self._now = now - self._now, now
+        if self._left > 0.0:
+            self._left -= passed * state.speed_scaling
+            return
+        self._grace -= passed
+        if self._grace <= 0.0:
+            slow = f" at {state.speed_scaling:.0%} speed" if state.speed_scaling < 1.0 else ""
+            detail = f"not there after 1.1 × {self.seconds:.1f} s{slow} + {GRACE_S:g} s"
+            raise Stopped(ExecutionStatus.TIMED_OUT, detail, state)
+
+
+class PushGuard:
+    """The guard of one push from `start` along `axis` (3,) over `wanted_m`; `depth_m` is what was measured last.
+
+    `speed` is the share of the insertion speed that is asked for. There is no deadline: a push goes on as long as it
+    gets on, and what does not is a jam.
+    """
+
+    def __init__(
+        self, start: ArmState, axis: Array, wanted_m: float, bias: Array, limits: MotionLimits, speed: float = 1.0
+    ) -> None:
         self.start = start
+        self._speed = speed
         self.axis = axis
         self.wanted_m = wanted_m
         self.limits = limits
@@ -127,16 +159,25 @@ class PushGuard:
         return False
 
     def _check_jam(self, state: ArmState) -> None:
-        """Jam: slower than 2 mm/s while pushing hard for 0.25 s; stall: slower than that for 1 s at any force."""
-        now, history = state.time_s, self._history
-        while history[0][0] < now - 2.0 * STALL_S:
+        """Jam: slow for 0.25 s against most of the push; stall: slow for 1 s at any force.
+
+        Slow is below 2 mm/s, or half of what is asked for where that is less, as slider and operator slow it down; a
+        stall waits as much longer.
+        """
+        now, history, limits = state.time_s, self._history, self.limits
+        share = self._speed * state.speed_scaling
+        asked = limits.insert_speed_m_s * share * (SEATING_PACE if self.seating else 1.0)
+        slow = min(limits.jam_speed_m_s * share, 0.5 * asked)
+        stall_s, grace_s = STALL_S / share, PUSH_GRACE_S / share
+        while history[0][0] < now - 2.0 * stall_s:
             history.popleft()
-        for window, force in ((self.limits.jam_time_s, self.limits.jam_force_n), (STALL_S, 0.0)):
+        hard = min(limits.jam_force_n, RESISTS * limits.push_force_n)
+        for window, force, speed in ((limits.jam_time_s, hard, slow), (stall_s, 0.0, max(slow, CREEPS * asked))):
             first = max((k for k, h in enumerate(history) if h[0] <= now - window), default=None)
-            if first is None or now - self.start.time_s < PUSH_GRACE_S + window:
+            if first is None or now - self.start.time_s < grace_s + window:
                 continue
             recent = [history[k] for k in range(first, len(history))]
             travel, span = recent[-1][1] - recent[0][1], recent[-1][0] - recent[0][0]
-            if travel < self.limits.jam_speed_m_s * span and min(h[2] for h in recent) >= force:
+            if travel < speed * span and min(h[2] for h in recent) >= force:
                 detail = f"{1e3 * travel / span:.1f} mm/s at {recent[-1][2]:.1f} N for {span:.2f} s"
                 raise Stopped(ExecutionStatus.JAMMED, detail, state)

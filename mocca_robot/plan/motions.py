@@ -15,7 +15,7 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.plan.arm import Arm
 from mocca_robot.plan.gripper import Grip
-from mocca_robot.plan.guards import SEATING_PACE, PushGuard, arrived, check_forces, check_path, check_start
+from mocca_robot.plan.guards import SEATING_PACE, Deadline, PushGuard, arrived, check_forces, check_path, check_start
 from mocca_robot.plan.plan import Waypoint
 from mocca_robot.plan.pose import Three, distance_m
 from mocca_robot.plan.push_frame import frame_along
@@ -94,7 +94,7 @@ class Motions:
             state = self.arm.watch()
             check_start(state, path[0], self.limits)
             way = _Way(path, state, self._lead_in_s(state, path[0]), self.speed)
-            end = self.arm.now() + 1.1 * way.last_s / self.speed + 2.0
+            deadline = Deadline(way.last_s / self.speed, self.arm.now())
             trail: deque[Array] = deque(maxlen=TRAIL)
             while True:
                 reached[0] = way.advance(state)
@@ -105,10 +105,7 @@ class Motions:
                 check_path(state, trail, self.limits)
                 if way.over and arrived(state, path[-1], self.limits):
                     break
-                if self.arm.now() > end:
-                    slow = f" at {state.speed_scaling:.0%} speed" if state.speed_scaling < 1.0 else ""
-                    detail = f"not there after 1.1 × {way.last_s / self.speed:.1f} s + 2 s{slow}"
-                    raise Stopped(ExecutionStatus.TIMED_OUT, detail, state)
+                deadline.check(state, self.arm.now())
             self.arm.end_servo()
             return MotionOutcome(ExecutionStatus.SUCCEEDED, "", self.arm.watch(), waypoint=len(path) - 1)
 
@@ -122,9 +119,9 @@ class Motions:
 
         def motion() -> MotionOutcome:
             start = self.arm.watch()
-            guard = PushGuard(start, axis, depth_m, self._bias, limits)
-            speed = min(1.0, self.speed) * limits.insert_speed_m_s
-            end = self.arm.now() + 1.1 * depth_m / speed + 2.0
+            share = min(1.0, self.speed)
+            guard = PushGuard(start, axis, depth_m, self._bias, limits, share)
+            speed = share * limits.insert_speed_m_s
             frame, seating = frame_along(axis, start.tcp), False
             self.arm.push_along(frame, limits.push_force_n, speed)
             while True:
@@ -133,9 +130,6 @@ class Motions:
                 depth[0] = guard.depth_m
                 if there:
                     break
-                if self.arm.now() > end:
-                    detail = "the planned depth was not reached in 1.1 × its duration + 2 s"
-                    raise Stopped(ExecutionStatus.TIMED_OUT, detail, state)
                 if guard.seating and not seating:
                     seating = True
                     self.arm.push_along(frame, limits.push_force_n, SEATING_PACE * speed)

@@ -140,7 +140,9 @@ class UrArm:
         if problem:
             return MotionOutcome(ExecutionStatus.REFUSED, problem, state)
         self._cleared = True
-        return MotionOutcome(ExecutionStatus.SUCCEEDED, "preflight passed", state)
+        return MotionOutcome(
+            ExecutionStatus.SUCCEEDED, f"preflight passed; speed slider at {state.speed_scaling:.0%}", state
+        )
 
     def _require_clearance(self) -> None:
         if not self._cleared:

@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 from ur_cell import REST
 
-from mocca_robot.plan.guards import BEYOND_M, LATERAL_M, PushGuard, check_forces, check_path, check_start
+from mocca_robot.plan.guards import (
+    BEYOND_M,
+    LATERAL_M,
+    SEATING_PACE,
+    Deadline,
+    PushGuard,
+    check_forces,
+    check_path,
+    check_start,
+)
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Waypoint
 from mocca_robot.plan.status import ArmState, ExecutionStatus
@@ -53,9 +62,7 @@ def test_a_push_ends_at_its_depth_or_where_the_part_resists_within_the_tolerance
     assert depth <= g.depth_m <= depth + 0.0003
 
 
-@pytest.mark.parametrize(
-    ("force", "speed", "jams"), [(15.5, 0.0015, True), (14.5, 0.0015, False), (15.5, 0.0025, False)]
-)
+@pytest.mark.parametrize(("force", "speed", "jams"), [(7.1, 0.0015, True), (6.9, 0.0015, False), (7.1, 0.0025, False)])
 def test_jam_needs_both_force_and_slowness_for_a_quarter_second(force: float, speed: float, jams: bool) -> None:
     states = [pushed(0.02 * k, 0.004 + speed * 0.02 * k, force) for k in range(1, 40)]
     assert status_of(guard(), states) is (ExecutionStatus.JAMMED if jams else None)
@@ -63,9 +70,39 @@ def test_jam_needs_both_force_and_slowness_for_a_quarter_second(force: float, sp
     assert status_of(guard(), short) is None
 
 
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("by", ["slider", "operator"])
+def test_what_is_slow_and_how_long_it_may_be_scale_with_the_speed(share: float, by: str) -> None:
+    slider, speed = (share, 1.0) if by == "slider" else (1.0, share)
+
+    def pushes(pace: float, force: float) -> ExecutionStatus | None:
+        g = PushGuard(REST, DOWN, 0.015, ZERO, LIMITS, speed)
+        dt, depth, states = 0.02, 0.0, []
+        for k in range(1, int(3.0 / share / dt)):
+            depth += min(pace, 1.0 if depth < 0.013 else SEATING_PACE) * share * LIMITS.insert_speed_m_s * dt
+            states.append(replace(pushed(dt * k, depth, force), speed_scaling=slider))
+        return status_of(g, states)
+
+    assert pushes(1.0, 2.0) is ExecutionStatus.SUCCEEDED  # as fast as it is asked to
+    assert pushes(0.4, 2.0) is None  # slower, but it gets on: 4 mm/s at full speed
+    assert pushes(0.1, 2.0) is ExecutionStatus.JAMMED
+    assert pushes(0.1, 9.0) is ExecutionStatus.JAMMED
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+def test_a_deadline_waits_as_much_longer_as_the_arm_is_slower(share: float) -> None:
+    deadline, now, slow = Deadline(10.0, 0.0), 0.0, replace(REST, speed_scaling=share)
+    with pytest.raises(Stopped) as stop:
+        while now < 1000.0:
+            now += 0.02
+            deadline.check(slow, now)
+    assert stop.value.status is ExecutionStatus.TIMED_OUT
+    assert now == pytest.approx(11.0 / share + 2.0, abs=0.1)
+
+
 def test_standing_still_for_a_second_is_a_jam_at_any_force() -> None:
-    assert status_of(guard(), [pushed(0.02 * k, 0.004, 10.0) for k in range(1, 100)]) is ExecutionStatus.JAMMED
-    assert status_of(guard(), [pushed(0.02 * k, 0.004, 10.0) for k in range(1, 50)]) is None
+    assert status_of(guard(), [pushed(0.02 * k, 0.004, 5.0) for k in range(1, 100)]) is ExecutionStatus.JAMMED
+    assert status_of(guard(), [pushed(0.02 * k, 0.004, 5.0) for k in range(1, 50)]) is None
 
 
 @pytest.mark.parametrize(

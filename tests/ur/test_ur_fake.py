@@ -141,7 +141,7 @@ def test_forces_come_from_seats_and_jams() -> None:
     assert world.force(end + 0.0012 * down, still, down)[2] == pytest.approx(20.0)
     assert world.force(end + 0.0012 * down, still, None) == pytest.approx(np.zeros(6))
     world.active.add(Fault.JAM)
-    assert world.force(end, still, down)[2] == pytest.approx(18.0)
+    assert world.force(end, still, down, 10.0)[2] == pytest.approx(10.0)
 
 
 def test_watchdog_runs_on_the_time_in_which_the_fake_runs() -> None:

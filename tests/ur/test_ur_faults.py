@@ -43,7 +43,7 @@ CASES = [
     ("full", "contact", "servo:2:0.3", Status.CONTACT, "approach", "contact at 5 N", True),
     ("full", "force", "servo:4:0.1", Status.FORCE_LIMIT, "lift", "30.0 N, limit 20 N", True),
     ("short", "force", "force:1:0.2", Status.FORCE_LIMIT, "insert", "limit 20 N", True),
-    ("short", "jam", "force:1:0.2", Status.JAMMED, "insert", "18.0 N", True),
+    ("short", "jam", "force:1:0.2", Status.JAMMED, "insert", "10.0 N", True),
     ("full", "fingers_stuck", "any", Status.DEVIATED, "transit", "stand at 85.0 mm, commanded 50.0 mm", None),
     ("full", "part_missing", "servo:1", Status.DEVIATED, "pick", "part missing: the fingers closed to 28", None),
 ]

@@ -267,7 +267,7 @@ class FakeArm:
         self.largest_speed_m_s = max(self.largest_speed_m_s, float(np.linalg.norm(velocity)))
         push = self._task[:3, 2] if self.mode == "force" else None
         fingers = None if self.wiring is not None else self.gripper_m
-        self._raw = self.world.force(self.tcp[:3, 3], velocity, push, fingers)
+        self._raw = self.world.force(self.tcp[:3, 3], velocity, push, float(self._wrench[2]), fingers)
 
     def _velocity(self, dt: float) -> Array:
         if Fault.STUCK in self.world.active:

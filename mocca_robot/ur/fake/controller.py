@@ -40,6 +40,12 @@ _SAFETY = {
 Handler = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
 
 
+def _share(slider: float) -> float:
+    if not 0 <= slider <= 1:
+        raise InputError(f"The speed slider cannot stand at {slider:g}; give a number from 0 to 1.")
+    return slider
+
+
 class FakeController:
     """One controller. `run` serves until it is cancelled."""
 
@@ -50,6 +56,7 @@ class FakeController:
         faults: Sequence[str] = (),
         speedup: float = 1.0,
         serial: str | None = None,
+        slider: float = 1.0,
     ) -> None:
         model = robot_model(plan.robot if plan else robot)
         world = World.of_plan(plan) if plan else World()
@@ -64,6 +71,7 @@ class FakeController:
         if not 0 < speedup <= 20:
             raise InputError(f"--speedup is {speedup:g}; give a number above 0 and at most 20.")
         self.speedup = speedup
+        self.arm.slider = _share(slider)
         self.longest_pause_s = 0.0
         self.rtde = RtdeServer(self.arm)
         for text in faults:
@@ -213,6 +221,8 @@ class FakeController:
                 arm.q = np.array([float(v) for v in request["q"]])
             elif "gripper_m" in request:
                 arm.gripper_m, arm.gripper_blocked = float(request["gripper_m"]), False
+            elif "slider" in request:
+                arm.slider = _share(float(request["slider"]))
             elif "output" in request:
                 arm.switch(int(request["output"]), bool(request["on"]))
         except (KeyError, ValueError, InputError, AttributeError) as error:

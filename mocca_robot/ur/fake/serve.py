@@ -16,6 +16,7 @@ def add_fake_ur_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", default="ur5e", help="robot model when no plan is given (default ur5e)")
     parser.add_argument("--serial", help="serial number to answer with")
     parser.add_argument("--speedup", type=float, default=1.0, help="run the robot's clock this much faster (default 1)")
+    parser.add_argument("--slider", type=float, default=1.0, help="of the pendant, 0 to 1 (default 1)")
     parser.add_argument(
         "--fault",
         action="append",
@@ -32,7 +33,7 @@ def run_fake_ur(args: argparse.Namespace) -> int:
     from mocca_robot.ur.fake.controller import FakeController, serve
 
     plan = read_plan(args.plan) if args.plan is not None else None
-    controller = FakeController(plan, args.model, args.fault, args.speedup, args.serial)
+    controller = FakeController(plan, args.model, args.fault, args.speedup, args.serial, args.slider)
 
     def ready() -> None:
         if args.json:

@@ -141,9 +141,18 @@ class World:
                         world.seats.append(SeatStop(np.array(path[0].tcp[:3]), axis, depth))
         return world
 
-    def force(self, position: Array, velocity: Array, push: Array | None, opening_m: float | None = None) -> Array:
-        """Return the wrench (6,) that the tool feels, base frame; `push` is the force-mode axis or None, `opening_m` is
-        between fingers, if there are any: they collide with a part that does not fit between them.
+    def force(
+        self,
+        position: Array,
+        velocity: Array,
+        push: Array | None,
+        push_n: float = 0.0,
+        opening_m: float | None = None,
+    ) -> Array:
+        """Return the wrench (6,) that the tool feels, base frame.
+
+        `push` is the force-mode axis or None, `push_n` its force: a jam answers it and no more. `opening_m` is between
+        fingers, if there are any: they collide with a part that does not fit between them.
         """
         out = np.zeros(6)
         for k, part in enumerate(self.parts):
@@ -162,7 +171,7 @@ class World:
                         out[:3] -= seat.axis * SLIDING_N
                     break
             if self.jammed:
-                out[:3] -= push * 18.0
+                out[:3] -= push * push_n
         if Fault.CONTACT in self.active:
             if self._early_point is None and speed > 1e-4:
                 self._early_point, self._early_direction = position.copy(), velocity / speed
