@@ -33,6 +33,8 @@ class RobotModel:
         joint_speed_rad_s: largest |dq/dt| per joint.
         reach_m: published reach, from the base's axis.
         payload_kg: published payload, gripper included.
+        contact_force_n: force that counts as contact unless a cell says otherwise: larger arms have coarser sensors. A
+            starting point, unproven.
     """
 
     name: str
@@ -42,6 +44,7 @@ class RobotModel:
     joint_speed_rad_s: Six
     reach_m: float
     payload_kg: float
+    contact_force_n: float = 5.0
     joint_limit_rad: Six = (_TURN, _TURN, _TURN, _TURN, _TURN, _TURN)
 
     def frames(self, q: Sequence[float] | Array) -> list[Array]:
@@ -137,6 +140,7 @@ MODELS = MappingProxyType(
                 joint_speed_rad_s=_degrees(120, 120, 180, 180, 180, 180),
                 reach_m=1.3,
                 payload_kg=12.5,
+                contact_force_n=8.0,
             ),
             RobotModel(
                 name="ur16e",
@@ -146,6 +150,7 @@ MODELS = MappingProxyType(
                 joint_speed_rad_s=_degrees(120, 120, 180, 180, 180, 180),
                 reach_m=0.9,
                 payload_kg=16.0,
+                contact_force_n=8.0,
             ),
             RobotModel(
                 name="ur20",
@@ -155,6 +160,7 @@ MODELS = MappingProxyType(
                 joint_speed_rad_s=_degrees(120, 120, 150, 210, 210, 210),
                 reach_m=1.75,
                 payload_kg=20.0,
+                contact_force_n=12.0,
             ),
             RobotModel(
                 name="ur30",
@@ -164,6 +170,7 @@ MODELS = MappingProxyType(
                 joint_speed_rad_s=_degrees(120, 120, 150, 210, 210, 210),
                 reach_m=1.3,
                 payload_kg=30.0,
+                contact_force_n=12.0,
             ),
         )
     }

@@ -35,21 +35,60 @@ RESISTS = 0.7
 CREEPS = 0.05
 """Of the speed that is asked for: what is slower than that stands still, whatever a cell calls slow."""
 STILL_RAD_S = 0.01
+FILTER_S = 0.04
+"""Time constant of the filter on forces: white noise at 50 Hz is halved, a contact is seen two cycles later."""
+CONTACT_SAMPLES = 3
+"""So many filtered samples in a row above the limit are a contact."""
+BLOW = 2.0
+"""A single sample above so many times a limit is no noise."""
+NOISE_SHARE = 2.5
+"""Filtered to half, noise on three axes exceeds five standard deviations in three samples in a row once in days."""
 
 
-def check_forces(
-    state: ArmState, bias: Array, limits: MotionLimits, force_limit_n: float, contact_force_n: float | None
-) -> None:
-    """Stop above the motion's force limit, the torque limit, or (if any) the force that means contact."""
-    felt = np.subtract(state.force, bias)
-    force, torque = float(np.linalg.norm(felt[:3])), float(np.linalg.norm(felt[3:]))
-    limit = min(force_limit_n, limits.abort_force_n)
-    if force > limit:
-        raise Stopped(ExecutionStatus.FORCE_LIMIT, f"{force:.1f} N, limit {limit:g} N", state)
-    if torque > limits.abort_torque_nm:
-        raise Stopped(ExecutionStatus.FORCE_LIMIT, f"{torque:.2f} Nm, limit {limits.abort_torque_nm:g} Nm", state)
-    if contact_force_n is not None and force > contact_force_n:
-        raise Stopped(ExecutionStatus.CONTACT, f"{force:.1f} N, contact at {contact_force_n:g} N", state)
+class ForceGuard:
+    """What one motion may feel over the bias (6,). Sensors are noisy: forces count filtered, contact when it lasts.
+
+    Attributes:
+        felt: the filtered wrench (6,).
+    """
+
+    def __init__(
+        self, bias: Array, limits: MotionLimits, force_limit_n: float, contact_force_n: float | None = None
+    ) -> None:
+        self.felt = np.zeros(6)
+        self._bias = bias
+        self._limits = limits
+        self._limit_n = min(force_limit_n, limits.abort_force_n)
+        self._contact_n = contact_force_n
+        self._time_s: float | None = None
+        self._touching = 0
+
+    def check(self, state: ArmState) -> None:
+        """Stop above the motion's force limit, the torque limit, or (if any) the force that means contact."""
+        now = np.subtract(state.force, self._bias)
+        passed = FILTER_S if self._time_s is None else state.time_s - self._time_s
+        if passed <= 0.0:
+            return  # the same state again
+        self._time_s = state.time_s
+        self.felt = self.felt + (now - self.felt) * (1.0 - np.exp(-passed / FILTER_S))
+        self._check_limits(now, state)
+        force = float(np.linalg.norm(self.felt[:3]))
+        touching = self._contact_n is not None and force > self._contact_n
+        self._touching = self._touching + 1 if touching else 0
+        if self._touching >= CONTACT_SAMPLES:
+            raise Stopped(ExecutionStatus.CONTACT, f"{force:.1f} N, contact at {self._contact_n:g} N", state)
+
+    def _check_limits(self, now: Array, state: ArmState) -> None:
+        for part, limit, unit in ((slice(3), self._limit_n, "N"), (slice(3, 6), self._limits.abort_torque_nm, "Nm")):
+            at_once, lasting = float(np.linalg.norm(now[part])), float(np.linalg.norm(self.felt[part]))
+            if lasting > limit or at_once > BLOW * limit:
+                shown = f"{max(at_once, lasting):.{1 if unit == 'N' else 2}f} {unit}"
+                raise Stopped(ExecutionStatus.FORCE_LIMIT, f"{shown}, limit {limit:g} {unit}", state)
+
+
+def needed_contact_n(noise_n: float) -> float:
+    """Return the smallest contact force that white noise of `noise_n` per axis and sample does not feign in a build."""
+    return NOISE_SHARE * noise_n
 
 
 def check_path(state: ArmState, trail: Sequence[Array], limits: MotionLimits) -> None:
@@ -109,7 +148,14 @@ class PushGuard:
     """
 
     def __init__(
-        self, start: ArmState, axis: Array, wanted_m: float, bias: Array, limits: MotionLimits, speed: float = 1.0
+        self,
+        start: ArmState,
+        axis: Array,
+        wanted_m: float,
+        forces: ForceGuard,
+        limits: MotionLimits,
+        *,
+        speed: float = 1.0,
     ) -> None:
         self.start = start
         self._speed = speed
@@ -117,7 +163,7 @@ class PushGuard:
         self.wanted_m = wanted_m
         self.limits = limits
         self.depth_m = 0.0
-        self._bias = bias
+        self._forces = forces
         self._history: deque[tuple[float, float, float]] = deque()
 
     def measure(self, state: ArmState) -> float:
@@ -130,12 +176,12 @@ class PushGuard:
         """Return whether the part is on the last stretch of its way."""
         return self.depth_m >= self.wanted_m - SEATING_M
 
-    def check(self, state: ArmState, force_limit_n: float) -> bool:
+    def check(self, state: ArmState) -> bool:
         """Return whether the part is in its seat; Stopped for forces, tilt, travel off the line, or a jam.
 
         It is there at its full depth, or within the tolerance of it as soon as it resists.
         """
-        check_forces(state, self._bias, self.limits, force_limit_n, None)
+        self._forces.check(state)
         tilt = angle_rad(state.tcp, self.start.tcp)
         if tilt > self.limits.abort_tilt_rad:
             detail = f"tilted by {np.degrees(tilt):.1f}°, limit {np.degrees(self.limits.abort_tilt_rad):.1f}°"
@@ -150,7 +196,7 @@ class PushGuard:
             low, high = -1e3 * BEYOND_M, 1e3 * (self.wanted_m + BEYOND_M)
             detail = f"{1e3 * depth:.1f} mm along the axis, allowed {low:g} to {high:.1f} mm"
             raise Stopped(ExecutionStatus.TRAVEL_LIMIT, detail, state)
-        felt = abs(float(np.subtract(state.force, self._bias)[:3] @ self.axis))
+        felt = abs(float(self._forces.felt[:3] @ self.axis))
         near = depth >= self.wanted_m - self.limits.depth_tolerance_m
         if depth >= self.wanted_m or (near and felt >= SEATED_SHARE * self.limits.push_force_n):
             return True

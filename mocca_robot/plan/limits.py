@@ -1,7 +1,8 @@
 """Safety caps: what the driver never exceeds, whatever a plan asks. Configuration may only lower them.
 
 The figures are published starting points for assembly with e-series arms; they are unproven on hardware here. A cell's
-own risk assessment (ISO 10218-2, ISO/TS 15066) decides what is safe, and may only tighten them.
+own risk assessment (ISO 10218-2, ISO/TS 15066) decides what is safe, and may only tighten them, with one exception: the
+force that counts as contact follows the arm's sensor, and a lab may raise it if it says who accepts that, and why.
 """
 
 from __future__ import annotations
@@ -54,43 +55,74 @@ class MotionLimits:
     """Fingers that close to a width farther than this from the part's do not hold the part."""
     watchdog_hz: float = 5.0
     """The controller stops the program when it hears nothing for one period: the link or this process died."""
+    accepted: str = ""
+    """Who accepts that a cap in `RAISABLE` is higher than the driver's, and why; nothing is raised without it."""
 
-    def lowered(self, values: Mapping[str, object], where: str = "") -> MotionLimits:
+    def lowered(
+        self, values: Mapping[str, object], where: str = "", contact_cap_n: float | None = None
+    ) -> MotionLimits:
         """Return these limits with some lowered; InputError for an unknown name, a non-number or a raise, which
-        names the file or section `where` the values stand.
+        names the file or section `where` the values stand. `contact_cap_n` is what the arm's own sensor asks for.
         """
         place = f"{where}: limit" if where else "Limit"
         known = {f.name for f in fields(self)}
-        changes: dict[str, float | int] = {}
+        accepted = values.get("accepted", "")
+        if not isinstance(accepted, str) or ("accepted" in values and not accepted.strip()):
+            raise InputError(
+                f"{where or 'Limits'}: 'accepted' is {accepted!r}; write who accepts what is raised, and why."
+            )
+        changes: dict[str, float | int | str] = {"accepted": accepted} if accepted else {}
         for name, value in values.items():
             if name not in known:
+                place = f"{where}: limit" if where else "Limit"
                 raise InputError(f"{place} '{name}' is unknown; {nearest(name, known)}")
-            cap = getattr(HARD_CAPS, name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise InputError(f"{place} '{name}' is {value!r}; give a finite number of at most {cap:g}.")
-            floor, ceiling = bounds(name)
-            if ceiling is None:
-                if value < cap:
-                    raise InputError(
-                        f"{place} '{name}' is {value:g}; below {cap:g} would be less safe, give at least that."
-                    )
-            elif not floor <= value <= cap:
-                raise InputError(
-                    f"{place} '{name}' is {value:g}; it must lie between {floor:g} and the driver's cap {cap:g}, which "
-                    "configuration may only lower."
-                )
-            changes[name] = int(value) if name == "retries" else float(value)
+            if name != "accepted":
+                changes[name] = _checked(name, value, where, _cap(name, accepted, contact_cap_n))
         return replace(self, **changes)  # type: ignore[arg-type]
 
-    def changed(self) -> dict[str, float]:
+    def changed(self) -> dict[str, float | str]:
         """Return the limits that differ from the defaults: what a plan file has to record."""
         default = asdict(MotionLimits())
         return {name: value for name, value in asdict(self).items() if value != default[name]}
 
 
+def _cap(name: str, accepted: str, contact_cap_n: float | None) -> float:
+    """Return the largest value of a limit: the driver's, the arm's, or what somebody may accept."""
+    if accepted and name in RAISABLE:
+        return RAISABLE[name]
+    cap = float(getattr(HARD_CAPS, name))
+    return max(cap, contact_cap_n) if name == "contact_force_n" and contact_cap_n is not None else cap
+
+
+def _checked(name: str, value: object, where: str, cap: float) -> float | int:
+    place = f"{where}: limit" if where else "Limit"
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise InputError(f"{place} '{name}' is {value!r}; give a finite number of at most {cap:g}.")
+    floor, ceiling = bounds(name)
+    if ceiling is None:
+        if value < cap:
+            raise InputError(f"{place} '{name}' is {value:g}; below {cap:g} would be less safe, give at least that.")
+    elif not floor <= value <= cap:
+        higher = RAISABLE.get(name, 0.0)
+        remedy = (
+            f"only lower, unless somebody accepts up to {higher:g}: add 'accepted: WHO, WHY' beside it"
+            if value > cap and higher > cap
+            else "only lower"
+        )
+        raise InputError(
+            f"{place} '{name}' is {value:g}; it must lie between {floor:g} and the driver's cap {cap:g}, which "
+            f"configuration may {remedy}."
+        )
+    return int(value) if name == "retries" else float(value)
+
+
 HARD_CAPS = replace(MotionLimits(), abort_force_n=40.0)
 """No configuration exceeds these; only the abort force has room above its default (25 N)."""
 
+RAISABLE = MappingProxyType({"contact_force_n": 20.0})
+"""What a lab may raise above the driver's caps, and how far, when it says who accepts that: a sensor that is noisier
+than others sees contacts where there are none."""
+NUMBERS = tuple(f.name for f in fields(MotionLimits) if f.name != "accepted")
 RAISE_IS_SAFER = frozenset({"watchdog_hz"})
 
 _FLOORS = MappingProxyType(

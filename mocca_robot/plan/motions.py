@@ -6,6 +6,7 @@ an Outcome, never with an exception; an exception that nobody foresaw stops the 
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -15,7 +16,16 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.plan.arm import Arm
 from mocca_robot.plan.gripper import Grip
-from mocca_robot.plan.guards import SEATING_PACE, Deadline, PushGuard, arrived, check_forces, check_path, check_start
+from mocca_robot.plan.guards import (
+    SEATING_PACE,
+    Deadline,
+    ForceGuard,
+    PushGuard,
+    arrived,
+    check_path,
+    check_start,
+    needed_contact_n,
+)
 from mocca_robot.plan.plan import Waypoint
 from mocca_robot.plan.pose import Three, distance_m
 from mocca_robot.plan.push_frame import frame_along
@@ -27,6 +37,8 @@ USUAL_CYCLE_S = 0.02
 LONGEST_CYCLE_S = 0.1
 HURRY = 1.2
 """How much longer than its fellows a cycle may count on the path's clock."""
+AVERAGE_S, FEWEST = 0.4, 8
+"""A bias is the mean of what the sensor shows in this time, of so many samples at least."""
 TRAIL = 50
 """Commands that the arm may lag behind."""
 
@@ -56,14 +68,25 @@ class Motions:
         return self._supervised(motion)
 
     def zero_force(self) -> MotionOutcome:
-        """Pause, zero the sensor, and take what it then shows as the bias; REFUSED when that is still large."""
+        """Pause, zero the sensor, and take the mean of what it then shows as the bias.
+
+        REFUSED when that is still large, or when its noise would pass for a contact.
+        """
 
         def motion() -> MotionOutcome:
             self._settle(0.2)
             self.arm.zero_force()
-            state = self._settle(0.1)
-            self._bias = np.array(state.force)
-            size = float(np.linalg.norm(self._bias[:3]))
+            self._settle(0.1)
+            state, seen = self._average(AVERAGE_S)
+            self._bias, noise = seen.mean(axis=0), float(np.sqrt(seen[:, :3].var(axis=0, ddof=1).mean()))
+            size, needed = float(np.linalg.norm(self._bias[:3])), needed_contact_n(noise)
+            if needed > self.limits.contact_force_n:
+                detail = (
+                    f"the force sensor's noise is {noise:.1f} N (1σ), which a contact at "
+                    f"{self.limits.contact_force_n:g} N could not be told from: look for what shakes the arm, or give "
+                    f"the cell 'limits: {{contact_force_n: {math.ceil(needed)}, accepted: WHO, WHY}}' and plan again"
+                )
+                return MotionOutcome(ExecutionStatus.REFUSED, detail, state)
             if size > self.limits.contact_force_n:
                 detail = (
                     f"the hand feels {size:.1f} N where it should hang free, limit {self.limits.contact_force_n:g} N"
@@ -96,12 +119,13 @@ class Motions:
             way = _Way(path, state, self._lead_in_s(state, path[0]), self.speed)
             deadline = Deadline(way.last_s / self.speed, self.arm.now())
             trail: deque[Array] = deque(maxlen=TRAIL)
+            forces = ForceGuard(self._bias, self.limits, force_limit_n, contact_force_n)
             while True:
                 reached[0] = way.advance(state)
                 trail.append(way.place)
                 self.arm.servo(way.goal)
                 state = self.arm.attend()
-                check_forces(state, self._bias, self.limits, force_limit_n, contact_force_n)
+                forces.check(state)
                 check_path(state, trail, self.limits)
                 if way.over and arrived(state, path[-1], self.limits):
                     break
@@ -120,13 +144,14 @@ class Motions:
         def motion() -> MotionOutcome:
             start = self.arm.watch()
             share = min(1.0, self.speed)
-            guard = PushGuard(start, axis, depth_m, self._bias, limits, share)
+            forces = ForceGuard(self._bias, limits, force_limit_n)
+            guard = PushGuard(start, axis, depth_m, forces, limits, speed=share)
             speed = share * limits.insert_speed_m_s
             frame, seating = frame_along(axis, start.tcp), False
             self.arm.push_along(frame, limits.push_force_n, speed)
             while True:
                 state = self.arm.attend()
-                there = guard.check(state, force_limit_n)
+                there = guard.check(state)
                 depth[0] = guard.depth_m
                 if there:
                     break
@@ -161,6 +186,15 @@ class Motions:
             state = self.arm.attend()
             if self.arm.now() >= end:
                 return state
+
+    def _average(self, seconds: float) -> tuple[ArmState, Array]:
+        """Return the last state and the wrenches (n, 6) that the sensor showed meanwhile, each once."""
+        end, seen = self.arm.now() + seconds, {}
+        while True:
+            state = self.arm.attend()
+            seen[state.time_s] = state.force
+            if self.arm.now() >= end and len(seen) >= FEWEST:
+                return state, np.array(list(seen.values()))
 
     def _lead_in_s(self, state: ArmState, first: Waypoint) -> float:
         """Return the time on the path's clock in which the arm is led onto the path from where it stands."""

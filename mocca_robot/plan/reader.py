@@ -68,11 +68,12 @@ def plan_from_document(raw: object, source: str = "plan") -> Plan:
     if not steps:
         raise InputError(f"{source}: the plan has no steps. Plan an assembly with at least one free part.")
     supports = _names(top, "supports", source)
+    model = robot_model(_text(top, "robot", source), source)
     return Plan(
         design_sha256=_text(top, "design_sha256", source),
-        robot=robot_model(_text(top, "robot", source), source).name,
+        robot=model.name,
         gripper=gripper,
-        cell=_cell(_mapping(top.get("cell"), f"{source}: cell"), f"{source}: cell"),
+        cell=_cell(_mapping(top.get("cell"), f"{source}: cell"), f"{source}: cell", model.contact_force_n),
         steps=tuple(_step(_mapping(s, f"{source}: step {i}"), f"{source}: step {i}") for i, s in enumerate(steps)),
         design=_text(top, "design", source) if "design" in top else None,
         supports=supports,
@@ -92,7 +93,7 @@ def _cradles(top: Mapping[str, Any], supports: Collection[str], where: str) -> t
     return cradles
 
 
-def _cell(raw: Mapping[str, Any], where: str) -> Cell:
+def _cell(raw: Mapping[str, Any], where: str, contact_n: float) -> Cell:
     box = _list(raw, "workspace_m", where)
     if len(box) != 2:
         raise InputError(f"{where}: 'workspace_m' has {len(box)} corners; give the low and the high one.")
@@ -108,7 +109,7 @@ def _cell(raw: Mapping[str, Any], where: str) -> Cell:
             three(_numbers(box[0], 3, f"{where}: workspace_m[0]")),
             three(_numbers(box[1], 3, f"{where}: workspace_m[1]")),
         ),
-        limits=MotionLimits().lowered(_mapping(raw.get("limits", {}), f"{where}: limits"), where),
+        limits=MotionLimits().lowered(_mapping(raw.get("limits", {}), f"{where}: limits"), where, contact_n),
         extra=_rest(raw, Cell),
         description=_mapping(raw.get("description", {}), f"{where}: description"),
         vacuum=_vacuum(raw["vacuum"], f"{where}: vacuum") if raw.get("vacuum") is not None else None,

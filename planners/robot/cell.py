@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -127,6 +127,7 @@ def cell_from_document(content: object, where: str) -> RobotCell:
     top = read_whole(CELL_KEYS, raw, "", where, EXAMPLE)
     build = read_whole(CELL_KEYS, top["build"], "build", f"{where}: build", EXAMPLE)
     tray = read_whole(CELL_KEYS, top["tray"], "tray", f"{where}: tray", EXAMPLE)
+    contact_n = robot_model(top["robot"]).contact_force_n
     places = _places(build["origin_m"], f"{where}: build.origin_m")
     yaws = _yaws(build["yaw_deg"], f"{where}: build.yaw_deg")
     return RobotCell(
@@ -149,7 +150,7 @@ def cell_from_document(content: object, where: str) -> RobotCell:
         gap_m=tray["gap_m"],
         tray_places=_tray_places(tray["parts"] or {}, f"{where}: tray.parts"),
         home=read_only(np.deg2rad(top["home_deg"])),
-        limits=MotionLimits().lowered(top["limits"], where),
+        limits=replace(MotionLimits(), contact_force_n=contact_n).lowered(top["limits"], where, contact_n),
         document=raw,
     )
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 from mocca_robot.config.keys import Key
 from mocca_robot.plan.arm_models import MODELS
-from mocca_robot.plan.limits import MotionLimits, bounds
+from mocca_robot.plan.limits import NUMBERS, RAISABLE, MotionLimits, bounds
 from mocca_robot.plan.reader import GRIPPERS
 from mocca_robot.plan.wiring import DEFAULT_WAIT_S, SIGNALS, WAIT_S
 
@@ -176,6 +174,8 @@ def _limit(name: str) -> Key:
     unit = next((u for end, u in _UNITS if name.endswith(end)), "")
     kind = "integer" if isinstance(default, int) else "number"
     said = "may only be raised" if high is None else "may only be lowered"
+    if name in RAISABLE:
+        said, high = f"larger arms have more; up to {RAISABLE[name]:g} with `accepted`", RAISABLE[name]
     return Key(f"limits.{name}", kind, default, unit, f"The driver's default; it {said}.", low=low, high=high)
 
 
@@ -191,5 +191,8 @@ _UNITS = (
     ("_m", "m"),
     ("_s", "s"),
 )
-LIMIT_KEYS: tuple[Key, ...] = tuple(_limit(f.name) for f in fields(MotionLimits))
+LIMIT_KEYS: tuple[Key, ...] = (
+    *map(_limit, NUMBERS),
+    Key("limits.accepted", "name", None, "", "Who accepts that a cap is raised above the driver's, and why."),
+)
 """The driver's caps as rows; `MotionLimits.lowered` checks them."""

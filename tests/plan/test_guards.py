@@ -15,10 +15,11 @@ from mocca_robot.plan.guards import (
     LATERAL_M,
     SEATING_PACE,
     Deadline,
+    ForceGuard,
     PushGuard,
-    check_forces,
     check_path,
     check_start,
+    needed_contact_n,
 )
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Waypoint
@@ -37,11 +38,11 @@ def pushed(time_s: float, depth: float, force: float = 0.0, side: float = 0.0, t
     )
 
 
-def status_of(guard: PushGuard, states: list[ArmState], force_limit: float = 20.0) -> ExecutionStatus | None:
+def status_of(guard: PushGuard, states: list[ArmState]) -> ExecutionStatus | None:
     """Return the status that a series of states ends with, SUCCEEDED at depth, None if it neither ends nor succeeds."""
     for state in states:
         try:
-            if guard.check(state, force_limit):
+            if guard.check(state):
                 return ExecutionStatus.SUCCEEDED
         except Stopped as stop:
             return stop.status
@@ -49,7 +50,7 @@ def status_of(guard: PushGuard, states: list[ArmState], force_limit: float = 20.
 
 
 def guard(wanted: float = 0.02) -> PushGuard:
-    return PushGuard(REST, DOWN, wanted, ZERO, LIMITS)
+    return PushGuard(REST, DOWN, wanted, ForceGuard(ZERO, LIMITS, 20.0), LIMITS)
 
 
 @pytest.mark.parametrize(("force", "depth"), [(0.0, 0.020), (2.4, 0.020), (2.6, 0.019)])
@@ -76,7 +77,7 @@ def test_what_is_slow_and_how_long_it_may_be_scale_with_the_speed(share: float, 
     slider, speed = (share, 1.0) if by == "slider" else (1.0, share)
 
     def pushes(pace: float, force: float) -> ExecutionStatus | None:
-        g = PushGuard(REST, DOWN, 0.015, ZERO, LIMITS, speed)
+        g = PushGuard(REST, DOWN, 0.015, ForceGuard(ZERO, LIMITS, 20.0), LIMITS, speed=speed)
         dt, depth, states = 0.02, 0.0, []
         for k in range(1, int(3.0 / share / dt)):
             depth += min(pace, 1.0 if depth < 0.013 else SEATING_PACE) * share * LIMITS.insert_speed_m_s * dt
@@ -120,16 +121,44 @@ def test_standing_still_for_a_second_is_a_jam_at_any_force() -> None:
     ],
 )
 def test_push_limits(state: ArmState, status: ExecutionStatus | None) -> None:
-    assert status_of(guard(), [state]) is status
+    lasting = [replace(state, time_s=0.1 + 0.02 * k) for k in range(15)]
+    assert status_of(guard(), lasting) is status
+
+
+def felt(guard: ForceGuard, *forces: tuple[float, ...], seconds: float = 0.5) -> None:
+    """Let a guard feel forces in turn, a sample every 20 ms, over and over for a while."""
+    for k in range(int(seconds / 0.02)):
+        guard.check(replace(REST, time_s=0.02 * k, force=forces[k % len(forces)]))
 
 
 def test_forces_count_over_the_zeroed_bias_and_never_above_the_abort_force() -> None:
-    state = replace(REST, force=(0.0, 0.0, -12.0, 0.0, 0.0, 0.0))
-    check_forces(state, np.array([0, 0, -8.0, 0, 0, 0]), LIMITS, 25.0, 5.0)
-    with pytest.raises(Stopped, match=r"12\.0 N, contact at 5 N"):
-        check_forces(state, ZERO, LIMITS, 25.0, 5.0)
+    down, bias = (0.0, 0.0, -12.0, 0.0, 0.0, 0.0), np.array([0, 0, -8.0, 0, 0, 0])
+    felt(ForceGuard(bias, LIMITS, 25.0, 5.0), down)
+    with pytest.raises(Stopped, match=r"N, contact at 5 N"):
+        felt(ForceGuard(ZERO, LIMITS, 25.0, 5.0), down)
     with pytest.raises(Stopped, match=r"30\.0 N, limit 25 N"):
-        check_forces(replace(REST, force=(30.0, 0, 0, 0, 0, 0)), ZERO, LIMITS, 100.0, None)
+        felt(ForceGuard(ZERO, LIMITS, 100.0), (30.0, 0, 0, 0, 0, 0))
+
+
+def test_what_lasts_is_a_contact_and_a_single_sample_is_not_unless_it_is_a_blow() -> None:
+    hit, nothing = (9.0, 0, 0, 0, 0, 0), (0.0,) * 6
+    felt(ForceGuard(ZERO, LIMITS, 25.0, 5.0), nothing, hit, nothing, nothing)
+    with pytest.raises(Stopped, match="contact at 5 N"):
+        felt(ForceGuard(ZERO, LIMITS, 25.0, 5.0), hit, seconds=0.12)
+    with pytest.raises(Stopped, match=r"51\.0 N, limit 25 N"):
+        felt(ForceGuard(ZERO, LIMITS, 25.0, 5.0), (51.0, 0, 0, 0, 0, 0), seconds=0.02)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_is_no_contact_up_to_what_the_limit_allows(seed: int) -> None:
+    """Twenty minutes of white noise as large as the zeroing lets pass."""
+    rng = np.random.default_rng(seed)
+    noise = LIMITS.contact_force_n / needed_contact_n(1.0)
+    assert noise >= 2.0
+    guard = ForceGuard(ZERO, LIMITS, 20.0, LIMITS.contact_force_n)
+    wrenches = rng.normal(0.0, noise, (60_000, 6)) * [1, 1, 1, 0.05, 0.05, 0.05]
+    for k, wrench in enumerate(wrenches):
+        guard.check(replace(REST, time_s=0.02 * k, force=tuple(wrench)))
 
 
 def test_lag_along_the_path_is_allowed_and_straying_is_not() -> None:

@@ -15,7 +15,7 @@ from ur_cell import small_plan
 
 from mocca_robot.errors import InputError
 from mocca_robot.plan.dry_run import dry_run
-from mocca_robot.plan.limits import HARD_CAPS, MotionLimits
+from mocca_robot.plan.limits import HARD_CAPS, NUMBERS, RAISABLE, MotionLimits
 from mocca_robot.plan.plan import document, write_plan
 from mocca_robot.plan.reader import file_sha256, plan_from_document, read_plan
 from mocca_robot.plan.safety import findings, require_sound
@@ -200,7 +200,7 @@ def test_altered_design_is_refused(tmp_path: Path) -> None:
         read_plan(tmp_path / "plan.json", tmp_path / "elsewhere.json")
 
 
-@pytest.mark.parametrize("name", sorted(HARD_CAPS.__dataclass_fields__))
+@pytest.mark.parametrize("name", sorted(NUMBERS))
 def test_configuration_lowers_every_cap_and_raises_none(name: str) -> None:
     cap = getattr(HARD_CAPS, name)
     safer, riskier = (2 * cap, 0.5 * cap) if name == "watchdog_hz" else (0.9 * cap, 1.01 * cap + 1e-9)
@@ -213,3 +213,27 @@ def test_configuration_lowers_every_cap_and_raises_none(name: str) -> None:
 def test_lowered_cap_is_obeyed_by_the_checks() -> None:
     slow = replace(PLAN, cell=replace(PLAN.cell, limits=MotionLimits().lowered({"transfer_speed_m_s": 0.05})))
     assert any("0 to 0.05 m/s" in str(f) for f in findings(slow))
+
+
+def test_contact_is_raised_only_by_somebody_who_says_so_and_the_dry_run_repeats_it() -> None:
+    def raised(**limits: object) -> dict[str, Any]:
+        return edited(lambda r: r["cell"]["limits"].update(limits))
+
+    with pytest.raises(InputError, match=r"accepts up to 20: add 'accepted: WHO, WHY' beside it"):
+        plan_from_document(raised(contact_force_n=9.0))
+    plan = plan_from_document(raised(contact_force_n=9.0, accepted="R. Roe: the table shakes"))
+    assert plan.cell.limits.contact_force_n == 9.0 and document(plan)["cell"]["limits"]["contact_force_n"] == 9.0
+    assert plan_from_document(document(plan)) == plan
+    assert "contact counts from 9 N, accepted by the lab: R. Roe: the table shakes" in dry_run(plan).text()
+    for bad in ({"contact_force_n": 1.1 * RAISABLE["contact_force_n"]}, {"push_force_n": 11.0}):
+        with pytest.raises(InputError, match="only lower"):
+            plan_from_document(raised(**bad, accepted="R. Roe"))
+    with pytest.raises(InputError, match="write who accepts"):
+        plan_from_document(raised(contact_force_n=9.0, accepted=" "))
+
+
+def test_a_larger_arm_has_a_coarser_sensor_and_nobody_has_to_accept_that() -> None:
+    raw = edited(lambda r: (r.update(robot="ur10e"), r["cell"]["limits"].update(contact_force_n=8.0)))
+    assert plan_from_document(raw).cell.limits.contact_force_n == 8.0
+    raw["cell"]["limits"].clear()
+    assert plan_from_document(raw).cell.limits.contact_force_n == 5.0  # a plan from before says nothing and keeps 5

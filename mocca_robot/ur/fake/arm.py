@@ -15,6 +15,10 @@ from mocca_robot.plan.wiring import VacuumWiring
 from mocca_robot.ur.fake.world import Fault, Trigger, World
 
 SERVO_LAG_S = 0.04
+LEVER_M = 0.05
+"""Noise of the sensor's torques for that of its forces."""
+DRIFT = np.array([0.6, 0.0, 0.8, 0.0, 0.0, 0.0])
+"""Where the sensor drifts to."""
 STOP_RAD_S2 = 10.0
 STOPPED, PLAYING, PAUSED = 1, 2, 4
 NORMAL, PROTECTIVE, SAFEGUARD, ROBOT_EMERGENCY = 1, 3, 5, 7
@@ -33,6 +37,7 @@ class FakeArm:
         time_s: the controller's clock.
         mode: what moves the arm: idle, servo, path, speed, force.
         digital_outputs: one bit per output; nothing but its client and a person change them.
+        noise_n: of the force sensor, white, 1σ per axis; drift_n_min: of its zero in a minute.
         wiring: of a suction cup, if the arm has one; on_cup: whether a part hangs on it.
     """
 
@@ -75,6 +80,10 @@ class FakeArm:
     _wrench: Array = field(default_factory=lambda: np.zeros(6))
     _limits: Array = field(default_factory=lambda: np.zeros(6))
     _rates: tuple[float, float] = (0.25, 1.2)
+    noise_n: float = 0.0
+    drift_n_min: float = 0.0
+    _shown: Array = field(default_factory=lambda: np.zeros(6))
+    _random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     _zero: Array = field(default_factory=lambda: np.zeros(6))
     _raw: Array = field(default_factory=lambda: np.zeros(6))
 
@@ -85,8 +94,8 @@ class FakeArm:
 
     @property
     def force(self) -> Array:
-        """Return the wrench over the zeroed bias, (6,)."""
-        return self._raw - self._zero
+        """Return what the sensor shows, (6,): the wrench over the zeroed bias, with its noise and its drift."""
+        return self._raw + self._shown - self._zero
 
     def begin(self, mode: str) -> None:
         """Note that a kind of action begins, which is what faults wait for."""
@@ -214,7 +223,7 @@ class FakeArm:
         elif command in (7, 15, 16, 33, 34):
             self.mode, self._busy = "idle", bool(self.qd.any())
         elif command == 8:
-            self._zero = self._raw.copy()
+            self._zero = self._raw + self._shown
         elif command == 17 and Fault.PAYLOAD_IGNORED not in self.world.active:
             self.payload_kg, self.payload_cog = float(values[0]), values[1:4]
         elif command == 29 and Fault.TCP_IGNORED not in self.world.active:
@@ -267,6 +276,8 @@ class FakeArm:
         self.largest_speed_m_s = max(self.largest_speed_m_s, float(np.linalg.norm(velocity)))
         push = self._task[:3, 2] if self.mode == "force" else None
         fingers = None if self.wiring is not None else self.gripper_m
+        self._shown = np.concatenate([self._random.normal(0.0, 1.0, 3), self._random.normal(0.0, LEVER_M, 3)])
+        self._shown = self.noise_n * self._shown + self.drift_n_min * self.time_s / 60.0 * DRIFT
         self._raw = self.world.force(self.tcp[:3, 3], velocity, push, float(self._wrench[2]), fingers)
 
     def _velocity(self, dt: float) -> Array:
@@ -305,7 +316,7 @@ class FakeArm:
         if self.world.jammed:
             return np.zeros(6)
         frame = self._task[:3, :3]
-        felt = frame.T @ self.force[:3]
+        felt = frame.T @ (self._raw + self.drift_n_min * self.time_s / 60.0 * DRIFT - self._zero)[:3]
         local = np.zeros(6)
         for k in range(3):
             if self._compliant[k]:

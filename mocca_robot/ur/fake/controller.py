@@ -56,7 +56,10 @@ class FakeController:
         faults: Sequence[str] = (),
         speedup: float = 1.0,
         serial: str | None = None,
+        *,
         slider: float = 1.0,
+        noise_n: float = 0.0,
+        drift_n_min: float = 0.0,
     ) -> None:
         model = robot_model(plan.robot if plan else robot)
         world = World.of_plan(plan) if plan else World()
@@ -72,6 +75,7 @@ class FakeController:
             raise InputError(f"--speedup is {speedup:g}; give a number above 0 and at most 20.")
         self.speedup = speedup
         self.arm.slider = _share(slider)
+        self.arm.noise_n, self.arm.drift_n_min = noise_n, drift_n_min
         self.longest_pause_s = 0.0
         self.rtde = RtdeServer(self.arm)
         for text in faults:

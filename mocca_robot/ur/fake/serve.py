@@ -17,6 +17,8 @@ def add_fake_ur_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--serial", help="serial number to answer with")
     parser.add_argument("--speedup", type=float, default=1.0, help="run the robot's clock this much faster (default 1)")
     parser.add_argument("--slider", type=float, default=1.0, help="of the pendant, 0 to 1 (default 1)")
+    parser.add_argument("--noise", type=float, default=0.0, metavar="N", help="of the force sensor, 1σ (default 0)")
+    parser.add_argument("--drift", type=float, default=0.0, metavar="N/MIN", help="of the force sensor (default 0)")
     parser.add_argument(
         "--fault",
         action="append",
@@ -33,7 +35,16 @@ def run_fake_ur(args: argparse.Namespace) -> int:
     from mocca_robot.ur.fake.controller import FakeController, serve
 
     plan = read_plan(args.plan) if args.plan is not None else None
-    controller = FakeController(plan, args.model, args.fault, args.speedup, args.serial, args.slider)
+    controller = FakeController(
+        plan,
+        args.model,
+        args.fault,
+        args.speedup,
+        args.serial,
+        slider=args.slider,
+        noise_n=args.noise,
+        drift_n_min=args.drift,
+    )
 
     def ready() -> None:
         if args.json:
