@@ -29,11 +29,14 @@ FORMATS = {
     "urdf": "one per part, with its mesh",
     "json": "the parts as an assembly file",
     "figures": "a folder of vector figures for papers and slides, in 2D with a film",
+    "dot": "the parts-graph for Graphviz: who is placed before whom, and which joints are between them",
+    "graph-svg": "the same as a picture, in sequence order",
     "compas": "an Assembly of compas_assembly and compas_cra, with contacts and supports",
     "compas-model": "a BlockModel of compas_dem and compas_model",
     "csv": "of a plan.json its trajectories, of parts their bill",
     "urscript": "a plan.json as a program for a UR controller",
 }
+GRAPHS = {"dot": ".dot", "graph-svg": "_graph.svg"}
 SHEETS, MESHES = ("svg", "dxf"), ("obj", "stl", "ply", "3mf")
 LEAST_WALL_MM = {"svg": 1.0, "dxf": 1.0, "stl": 0.8, "3mf": 0.8}
 """Below, parts break or cannot be made: two lines of a 0.4 mm nozzle; charred wood beside a laser's cut."""
@@ -121,6 +124,8 @@ def _parts(args: argparse.Namespace) -> tuple[list[Path], list[str]]:
     stem = safe_file_names([assembly.name])[assembly.name]
     if args.format == "figures":
         return _figures(args, config, _writable(Path(args.output or f"{stem}_figures"))), []
+    if args.format in GRAPHS:
+        return [_graph(args, config, Path(args.output or stem + GRAPHS[args.format]))], []
     if args.format in SHEETS:
         from mocca_robot.fabrication.clearance import with_clearance
         from mocca_robot.fabrication.cut import write_cut_dxf, write_cut_svg
@@ -138,6 +143,30 @@ def _parts(args: argparse.Namespace) -> tuple[list[Path], list[str]]:
     target = Path(args.output or stem + endings[args.format])
     _writable(target.parent)
     return [_document(args.format, assembly, target)], []
+
+
+def _graph(args: argparse.Namespace, config: Config, target: Path) -> Path:
+    """Return `target` after writing the parts-graph there, with the joints of a design where the input is one."""
+    from mocca_robot.cli.simulate import stored_design
+    from mocca_robot.contacts.find import find_contacts, require_sound
+    from mocca_robot.files.design_json import read_design
+    from mocca_robot.files.output import write_atomic
+    from mocca_robot.files.stored_joints import joints_of
+    from mocca_robot.motion.parts_graph import PartsGraph
+    from mocca_robot.report.graph_drawing import graph_dot, graph_svg
+
+    _writable(target.parent)
+    path = stored_design(Path(args.input))
+    if path is None:
+        report = find_contacts(config.assembly)
+        require_sound(config.assembly, report)
+        graph = PartsGraph.of(config.assembly, report.contacts, config.insertion)
+    else:
+        stored = read_design(path)
+        source = stored.source or stored.assembly
+        ways = {i.part: i.direction for i in stored.insertion}
+        graph = PartsGraph.joined(source, joints_of(stored, find_contacts(source).contacts), ways)
+    return write_atomic(target, graph_dot(graph) if args.format == "dot" else graph_svg(graph))
 
 
 def _document(kind: str, assembly: Assembly, target: Path) -> Path:

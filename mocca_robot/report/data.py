@@ -52,6 +52,14 @@ class ReportData:
     versions: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
+    @property
+    def graph(self) -> PartsGraph:
+        """Return the parts-graph of the input with the joints that replace its contacts."""
+        ways = {i.part: i.direction for i in self.design.insertion}
+        if not self.design.joints:
+            return PartsGraph.of(self.design.source, self.before.contacts, ways)
+        return PartsGraph.joined(self.design.source, self.design.joints, ways)
+
 
 def collect(
     design: Design,

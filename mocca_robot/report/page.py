@@ -19,6 +19,7 @@ CHAPTERS = (
     ("tilt", "Tilt"),
     ("insertion", "Insertion"),
     ("joints", "Joints"),
+    ("graph", "Parts-graph"),
     ("parts", "Parts"),
     ("about", "How this was made"),
 )
@@ -39,6 +40,7 @@ def report_page(data: ReportData) -> str:
             physics_sections.tilt(data),
             physics_sections.insertion(data),
             sections.joints(data),
+            sections.parts_graph(data),
             sections.parts(data),
             sections.provenance(data),
         )

@@ -9,6 +9,7 @@ from mocca_robot.report import pictures
 from mocca_robot.report.cone_plots import joint_section
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.findings import decided
+from mocca_robot.report.graph_drawing import graph_svg
 from mocca_robot.report.markup import badge, degrees, esc, listed, millimetres, significant, table
 from mocca_robot.report.palette import fills, part_colours
 from mocca_robot.report.pictures import Picture
@@ -164,6 +165,17 @@ def _direction(vector: Array) -> str:
     if len(vector) == 2:
         return degrees(float(np.arctan2(vector[1], vector[0])))
     return "(" + ", ".join(f"{v + 0.0:.2f}".replace("-", "−") for v in vector) + ")"
+
+
+def parts_graph(data: ReportData) -> str:
+    """Return the parts-graph in sequence order: who was placed before whom, and which joint is between them."""
+    words = (
+        "<p>Parts in the order in which they are placed. An arc leads from a part to a neighbour placed before it; "
+        "its colour says which kind of joint is between them.</p>"
+    )
+    return section(
+        "graph", "Parts-graph", f'{words}<div style="overflow-x:auto;background:#fff">{graph_svg(data.graph)}</div>'
+    )
 
 
 def parts(data: ReportData) -> str:
