@@ -48,7 +48,7 @@ LINE = {
 }
 """Where each step from parts to a robot's motion happens."""
 
-WIDTH, HEIGHT, GAP, MARGIN, PASSAGE, WIDEST = 1120, 76, 36, 16, 26, 520
+WIDTH, HEIGHT, GAP, MARGIN, PASSAGE, WIDEST = 960, 92, 34, 14, 20, 440
 SWEEPS = 24
 
 
@@ -176,7 +176,7 @@ def _room(room: str, box: tuple[float, float, float]) -> str:
         out.append(
             f'<text x="{left + width - 12:.0f}" y="{top + 20:.0f}" text-anchor="end" fill="#00695c">{LINE[room]}</text>'
         )
-    words = textwrap.wrap(_meaning(path), int((width - 24) / 6), max_lines=3, placeholder=" …")
+    words = textwrap.wrap(_meaning(path), int((width - 24) / 6), max_lines=4, placeholder=" …")
     inner = sorted(p.parent.name for p in folder.glob("*/__init__.py")) if room in ("planners", "sim") else []
     for row, line in enumerate([*words, *([" · ".join(inner)] if inner else [])]):
         out.append(f'<text x="{left + 12:.0f}" y="{top + 37 + 15 * row:.0f}" fill="#455a64">{escape(line)}</text>')
