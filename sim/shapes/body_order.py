@@ -1,4 +1,4 @@
-"""In which order parts become bodies: MuJoCo's speed on large structures hangs on it."""
+"""In which order parts become bodies: how fast MuJoCo is on large structures depends on it."""
 
 from __future__ import annotations
 
