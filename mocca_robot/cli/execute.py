@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +20,11 @@ from mocca_robot.ur.fake.serve import add_fake_ur_options, run_fake_ur
 SLOWEST = 0.01
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from mocca_robot.plan.journal import Journal, Record, Resolution
     from mocca_robot.plan.plan import Plan
+    from mocca_robot.plan.safety import PlanFinding
     from mocca_robot.plan.status import ExecutionEvent
     from mocca_robot.ur.driver import UrArm
 
@@ -60,6 +62,11 @@ def add_execute_options(parser: argparse.ArgumentParser) -> None:
         "--resolve", metavar="PART=placed|repeat", help="what a person found out about the step that was not finished"
     )
     parser.add_argument("--design", type=Path, help="design.json that the plan must still belong to")
+    parser.add_argument(
+        "--unchecked",
+        action="store_true",
+        help="run a plan that does not say enough to be looked at for collisions once more",
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON document instead of text")
 
 
@@ -83,7 +90,7 @@ def run_execute(args: argparse.Namespace) -> int:
     resolution = _resolution(args.resolve) if args.resolve else None
     first = next_step(record, plan, resolution) if record is not None else 0
     if args.robot is None:
-        return _dry_run(plan, first, args.json)
+        return _dry_run(plan, first, args, path)
     if args.confirm is None:
         raise InputError(
             f"--robot {args.robot} would move an arm. Add --confirm with its serial number (on the pendant: Settings, "
@@ -109,12 +116,45 @@ def _resolution(text: str) -> tuple[str, Resolution]:
     raise InputError(f"--resolve is '{text}'; write PART=placed or PART=repeat.")
 
 
-def _dry_run(plan: Plan, first: int, as_json: bool) -> int:
+def _dry_run(plan: Plan, first: int, args: argparse.Namespace, plan_file: Path) -> int:
     from mocca_robot.plan.dry_run import dry_run
 
     result = dry_run(plan, first)
-    Voice().say(json.dumps(result.document()) if as_json else result.text())
+    found, untaken = (result.findings, "") if result.findings else look(plan, plan_file, args.design)
+    result = replace(result, findings=tuple(found))
+    voice = Voice()
+    if args.json:
+        voice.say(json.dumps({**result.document(), "second_look": untaken or "taken"}))
+    else:
+        voice.say(result.text())
+        voice.say(f"no second look: {untaken}" if untaken else "second look: parts carried along every waypoint")
     return positive_if(not result.findings)
+
+
+def look(plan: Plan, plan_file: Path, design_file: Path | None) -> tuple[Sequence[PlanFinding], str]:
+    """Return what an independent look at a sound plan finds, against design and cell; or why it cannot be taken."""
+    if not plan.cell.description:
+        return (), f"the plan does not describe its cell '{plan.cell.name}'"
+    source = design_file or (plan_file.parent / plan.design if plan.design else None)
+    if source is None or not source.is_file():
+        return (), f"the design {source or ''} is not there; give it with --design".replace("  ", " ")
+    from mocca_robot.files.design_json import read_design
+    from planners.robot.second_look import look_again
+
+    return look_again(plan, read_design(source).assembly), ""
+
+
+def _require_looked_at(plan: Plan, plan_file: Path, args: argparse.Namespace) -> None:
+    """Return once an independent look has found nothing, or if a person goes without one."""
+    found, untaken = look(plan, plan_file, args.design)
+    if found:
+        more = f"\n… and {len(found) - 5} more." if len(found) > 5 else ""
+        raise InputError("The plan is refused:\n" + "\n".join(str(f) for f in found[:5]) + more)
+    if untaken and not args.unchecked:
+        raise InputError(
+            f"The plan cannot be looked at again before it runs: {untaken}. Plan again with this version, or add "
+            "--unchecked to run it without knowing whether something collides."
+        )
 
 
 def _build(
@@ -131,6 +171,7 @@ def _build(
     from mocca_robot.ur.link import require_client
 
     require_sound(plan)
+    _require_looked_at(plan, path, args)
     require_client()
     voice = Voice()
     if record is not None and record.truncated is not None:
@@ -258,5 +299,9 @@ def export_urscript(plan_file: Path, output: Path, design: Path | None = None) -
     from mocca_robot.plan.reader import read_plan
     from mocca_robot.ur.urscript import urscript
 
-    text = urscript(read_plan(plan_file, design))
+    plan = read_plan(plan_file, design)
+    text = urscript(plan)
+    found, _ = look(plan, plan_file, design)
+    if found:
+        raise InputError("The plan is refused:\n" + "\n".join(str(f) for f in found[:5]))
     return write_atomic(output, text)

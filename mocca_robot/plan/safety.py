@@ -25,6 +25,10 @@ ACCELERATION_SLACK = 1.25
 STRAIGHT_M = 1e-3
 """How far an insertion line may bend: less than the play of a joint that is cut for assembly by hand."""
 CONE_SLACK_RAD = math.radians(0.1)
+FARTHEST_COG_M = 0.5
+"""The hand holds a part near its middle, and no arm here builds with parts of a metre."""
+STRONGEST_GRIP_N = 235.0
+"""No gripper that is driven here closes with more."""
 MILLIMETRES = 10.0
 """No arm here reaches 10 m: larger coordinates are millimetres."""
 
@@ -89,6 +93,9 @@ def _cell_findings(cell: Cell, model: RobotModel) -> Iterator[PlanFinding]:
         yield PlanFinding(
             "cell", "workspace_m", f"{cell.workspace_m}", "low below high on every axis", "Swap the corners."
         )
+    if not math.hypot(*cell.tool_cog_m) <= FARTHEST_COG_M:
+        far = f"{math.hypot(*cell.tool_cog_m):.3g} m"
+        yield PlanFinding("cell", "tool_cog_m", far, f"{FARTHEST_COG_M:g} m from the flange", "Write it in metres.")
     if max(abs(v) for v in cell.tcp_offset[:3]) > 1.0:
         yield PlanFinding(
             "cell", "tcp_offset", f"{cell.tcp_offset[:3]}", "1 m", "Write it in metres: divide by 1000 if it is in mm."
@@ -97,7 +104,18 @@ def _cell_findings(cell: Cell, model: RobotModel) -> Iterator[PlanFinding]:
 
 def _step_findings(step: Step, plan: Plan, model: RobotModel, where: str) -> Iterator[PlanFinding]:
     carried = step.grasp.mass_kg + plan.cell.tool_mass_kg
-    if step.grasp.mass_kg < 0 or carried > model.payload_kg:
+    if step.grasp.mass_kg <= 0:
+        yield PlanFinding(
+            where, "mass_kg", f"{step.grasp.mass_kg:g}", "above 0", "Give the part's mass: plan it again."
+        )
+    far = math.dist(step.grasp.cog_m, plan.cell.tcp_offset[:3])
+    if not far <= FARTHEST_COG_M:
+        limit = f"{FARTHEST_COG_M:g} m from the tool's centre point"
+        yield PlanFinding(where, "cog_m", f"{far:.3g} m", limit, "Write it in metres, in the flange's frame.")
+    if not 0 < step.grasp.force_n <= STRONGEST_GRIP_N:
+        limit = f"0 to {STRONGEST_GRIP_N:g} N"
+        yield PlanFinding(where, "force_n", f"{step.grasp.force_n:g}", limit, "Grip with what the part bears.")
+    if carried > model.payload_kg:
         yield PlanFinding(
             where,
             "payload (part and gripper)",
