@@ -63,8 +63,8 @@ def run(args: argparse.Namespace) -> int:
     console.say(f"mocca-robot {found['version']}, Python {found['python']} ({found['executable']})")
     console.say(f"{found['system']}; {found['cpu']}, {found['cores']} cores")
     for title in ("solvers", "packages", "opengl"):
-        told = (f"{name} {value or 'not installed'}" for name, value in found[title].items())
-        console.say(f"{title}: {', '.join(told)}")
+        versions = (f"{name} {value or 'not installed'}" for name, value in found[title].items())
+        console.say(f"{title}: {', '.join(versions)}")
     if not any(state == "works" for state in found["opengl"].values()):
         console.say("No OpenGL: pictures and films of MuJoCo need libegl1 or libosmesa6; all numbers come without.")
     if args.robot is None:

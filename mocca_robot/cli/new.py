@@ -54,7 +54,9 @@ def run(args: argparse.Namespace) -> int:
     model = Path(args.name)
     if args.source is None and model.suffix.lower() not in ("", ".yaml", ".yml") and model.is_file():
         told = f"mocca-robot new {shlex.quote(model.stem)} --from {shlex.quote(args.name)}"
-        raise InputError(f"'{model}' is a file, and NAME the structure's; if it is your model: {told}")
+        raise InputError(
+            f"'{model}' is a file, but NAME is what the structure is called. If the file is your model: {told}"
+        )
     name = starter.require_name(args.name)
     if args.units is not None:
         choice(args.units, tuple(UNITS_M), "--units")
