@@ -77,11 +77,11 @@ def of_kind(raw: dict[str, Any], kind: str) -> dict[str, Any]:
 
 
 def into_the_table(raw: dict[str, Any]) -> None:
-    """Send the arm below the table half way to the tray, with joints and poses that agree, slowly enough."""
+    """Send the arm far down half way to the tray, with joints and poses that agree, slowly enough."""
     arm, offset = robot_model(raw["robot"]), raw["cell"]["tcp_offset"]
     path = moves(raw)[0]["path"]
     for k, w in enumerate(path):
-        w["q"][1] += 0.87 * float(np.sin(np.pi * k / (len(path) - 1))) ** 2
+        w["q"][1] += 0.7 * float(np.sin(np.pi * k / (len(path) - 1))) ** 2
         w["tcp"] = list(arm.tcp_pose(w["q"], offset))
         w["t"] *= 8.0
 
