@@ -86,6 +86,7 @@ def _build(name: str, folder: Path, *, execute: bool) -> Iterator[Measurement]:
 def _execution(name: str, plan: Plan, folder: Path) -> Measurement:
     from mocca_robot.plan.executor import execute
     from mocca_robot.plan.journal import Journal
+    from mocca_robot.plan.person import Everybody
     from mocca_robot.ur.driver import UrArm
 
     started = time.perf_counter()
@@ -94,7 +95,7 @@ def _execution(name: str, plan: Plan, folder: Path) -> Measurement:
         UrArm(HOST, plan, plan.cell.serial or SERIAL) as arm,
         Journal.create(folder / "journal", plan, arm.name) as journal,
     ):
-        result = execute(plan, arm, journal)
+        result = execute(plan, arm, journal, person=Everybody())
     where = "" if result.status == "succeeded" else f" at {result.last.part} ({result.last.kind}): {result.detail}"
     verdict = f"{result.status}, {result.steps_finished} of {len(plan.steps)} parts{where}"
     return _row(name, "execute (fake)", time.perf_counter() - started, verdict)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mocca_robot.cli.exit_code import positive_if
+from mocca_robot.cli.terminal import Terminal
 from mocca_robot.cli.voice import Voice
 from mocca_robot.errors import InputError
 from mocca_robot.ur.fake.serve import add_fake_ur_options, run_fake_ur
@@ -166,6 +167,7 @@ def _build(
     resolution: tuple[str, Resolution] | None,
 ) -> int:
     """Build on a robot. What ends it early stops the arm and is journalled; only a finished build returns 0."""
+    from mocca_robot.plan.person import confirmations
     from mocca_robot.plan.safety import require_sound
     from mocca_robot.ur.driver import UrArm
     from mocca_robot.ur.link import require_client
@@ -183,6 +185,11 @@ def _build(
     if record is None and target.exists():
         raise InputError(
             f"The journal {target} exists. Continue it with --resume {target}, or name another with --journal."
+        )
+    if (asked := confirmations(plan, first)) and not Terminal(voice.say).there:
+        raise InputError(
+            f"Somebody has to confirm what happens to {', '.join(asked)}, but there is no input to answer on. Run this "
+            "in a terminal."
         )
     with _Signals() as interrupted:
 
@@ -205,6 +212,7 @@ def _run(
 ) -> dict[str, Any]:
     """Return how the build ended, as JSON-ready values."""
     from mocca_robot.plan.executor import execute
+    from mocca_robot.plan.person import confirmations
     from mocca_robot.ur.preflight import QUESTION_S, questions
 
     if not args.json:
@@ -214,9 +222,12 @@ def _run(
             f"about {places * QUESTION_S:.0f} s"
         )
         moving = sum(m.path[-1].t - m.path[0].t for s in plan.steps[first:] for m in s.moves) / args.speed
+        if asked := confirmations(plan, first):
+            voice.say(f"you will be asked, here and on the pendant, about: {', '.join(asked)}")
         voice.say(f"about {moving:.0f} s of motion at {args.speed:.0%} speed, with the slider of the pendant at 100 %")
     listener = None if args.json else lambda event: voice.say(_line(event))
-    result = execute(plan, arm, journal, first, listener, speed=args.speed)
+    person = Terminal(voice.warn if args.json else voice.say)
+    result = execute(plan, arm, journal, first, listener, speed=args.speed, person=person)
     last = result.last.document()
     return {
         **last,

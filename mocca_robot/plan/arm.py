@@ -77,6 +77,10 @@ class Arm(Protocol):
         """Move the fingers to an opening, or switch the vacuum, and return what they really did."""
         ...
 
+    def show(self, text: str) -> None:
+        """Show a text to whoever stands at the arm, if it has something to show it on; '' takes it away."""
+        ...
+
     def halt(self, stop: Stopped) -> MotionOutcome:
         """Stop the arm for the reason in `stop`, and return that with its evidence: was standstill measured?"""
         ...

@@ -12,6 +12,7 @@ from mocca_robot.plan.hand import disorder, hands, not_open, to_open
 from mocca_robot.plan.insertion_skill import insert
 from mocca_robot.plan.journal import JournalLost, utc_now
 from mocca_robot.plan.motions import Motions
+from mocca_robot.plan.person import Person, after_grip, before_release
 from mocca_robot.plan.plan import Move, MoveKind, Plan, Step
 from mocca_robot.plan.status import ExecutionEvent, ExecutionStatus, MotionOutcome
 from mocca_robot.plan.supervision import Stopped
@@ -74,15 +75,18 @@ def execute(
     listener: Listener | None = None,
     *,
     speed: float = 1.0,
+    person: Person | None = None,
 ) -> Execution:
     """Return how building `plan` on `arm` ended, from `first_step` on, at a share `speed` of the planned speeds.
 
-    Every event is in the journal before the next motion begins: UNRECORDED when it cannot be. The first motion that
-    does not succeed ends the execution; its event carries status, measured pose, force and whether the stop was seen.
+    `person` confirms before a part is let go that something has to hold, and after grips that nothing measures; without
+    one such a build ends there. Every event is in the journal before the next motion begins: UNRECORDED when it cannot
+    be. The first motion that does not succeed ends the execution; its event carries status, measured pose, force and
+    whether the stop was seen.
     """
     record = _Recorder(journal, listener)
     try:
-        outcome = _steps(plan, first_step, Motions(arm, speed), record)
+        outcome = _steps(plan, first_step, Motions(arm, speed, person), record)
     except JournalLost as lost:
         record.journal = None
         outcome = arm.halt(Stopped(ExecutionStatus.UNRECORDED, str(lost)))
@@ -160,9 +164,21 @@ def _run_move(plan: Plan, step: Step, move: Move, arm: Motions, note: Callable[.
     elif outcome.succeeded and len(move.path) > 1:
         guard = limits.contact_force_n if move.kind in GUARDED else None
         outcome = arm.follow(move.path, force_limit_n=move.force_limit_n, contact_force_n=guard)
+    if outcome.succeeded and move.kind is MoveKind.RELEASE and (question := before_release(plan, step)):
+        outcome = _confirm(arm, question, note)
     if outcome.succeeded and move.kind in (MoveKind.PICK, MoveKind.RELEASE):
         outcome, grip = _grip(plan, step, move, arm)
+        if outcome.succeeded and (question := after_grip(step, move.kind, grip)):
+            outcome = _confirm(arm, question, note)
     note("move_finished" if outcome.succeeded else "move_stopped", outcome, None, grip)
+    return outcome
+
+
+def _confirm(arm: Motions, question: str, note: Callable[..., None]) -> MotionOutcome:
+    outcome = arm.confirm(question)
+    if outcome.succeeded:
+        note("confirmed", outcome)
+        return replace(outcome, detail="")
     return outcome
 
 

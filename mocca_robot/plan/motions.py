@@ -26,6 +26,7 @@ from mocca_robot.plan.guards import (
     check_start,
     needed_contact_n,
 )
+from mocca_robot.plan.person import Nobody, Person
 from mocca_robot.plan.plan import Waypoint
 from mocca_robot.plan.pose import Three, distance_m
 from mocca_robot.plan.push_frame import frame_along
@@ -45,11 +46,12 @@ TRAIL = 50
 
 class Motions:
     """Supervised motions of `arm`. `speed` is the share of its planned speed at which a path is followed, and, below 1,
-    a part pushed; above 1 only a simulated arm is asked to move.
+    a part pushed; above 1 only a simulated arm is asked to move. `person` is asked what nothing measures.
     """
 
-    def __init__(self, arm: Arm, speed: float = 1.0) -> None:
+    def __init__(self, arm: Arm, speed: float = 1.0, person: Person | None = None) -> None:
         self.arm = arm
+        self.person = person or Nobody()
         self.limits = arm.limits
         self.speed = speed
         self._bias = np.zeros(6)
@@ -105,6 +107,26 @@ class Motions:
             return MotionOutcome(ExecutionStatus.SUCCEEDED, "", self.arm.watch())
 
         return self._supervised(motion), found[0]
+
+    def confirm(self, question: str) -> MotionOutcome:
+        """Ask the person beside the arm, while it stands under supervision; CANCELLED unless they say yes."""
+
+        def motion() -> MotionOutcome:
+            self.arm.show(question)
+            self.person.ask(question)
+            try:
+                while True:
+                    state = self.arm.attend()
+                    answer = self.person.answer()
+                    if answer is not None:
+                        break
+            finally:
+                self.arm.show("")
+            if not answer:
+                raise Stopped(ExecutionStatus.CANCELLED, f"nobody confirmed: {question}", state)
+            return MotionOutcome(ExecutionStatus.SUCCEEDED, question, state)
+
+        return self._supervised(motion)
 
     def follow(self, path: Sequence[Waypoint], *, force_limit_n: float, contact_force_n: float | None) -> MotionOutcome:
         """Follow a timed path; CONTACT above `contact_force_n` (if any), FORCE_LIMIT above `force_limit_n`.

@@ -66,6 +66,15 @@ def stop_program(host: str) -> bool:
         return False
 
 
+def show(host: str, text: str) -> bool:
+    """Show a popup on the pendant, or close it with ''; return whether the controller did."""
+    plain = " ".join(text.split())
+    try:
+        return "popup" in _ask(host, f"popup {plain}" if plain else "close popup")[0].lower()
+    except DashboardLost:
+        return False
+
+
 def safety_status(host: str) -> str | None:
     """Return the controller's safety status in its own words, None when it does not answer."""
     try:

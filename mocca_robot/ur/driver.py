@@ -222,6 +222,10 @@ class UrArm:
         except GripperLost as error:
             raise Stopped(ExecutionStatus.CONNECTION_LOST, str(error), self._monitor.last) from error
 
+    def show(self, text: str) -> None:
+        """Show a popup on the pendant, or close it; a pendant that does not answer changes nothing."""
+        dashboard.show(self.host, text)
+
     # Ending
 
     def stop(self) -> bool:

@@ -21,6 +21,7 @@ from mocca_robot.design import Design
 from mocca_robot.errors import InputError
 from mocca_robot.files.design_json import StoredDesign
 from mocca_robot.plan.executor import execute
+from mocca_robot.plan.person import Everybody
 from mocca_robot.plan.plan import MoveKind, Plan, insertion_axis
 from mocca_robot.plan.pose import rotation_matrix, transform
 from mocca_robot.plan.safety import require_sound
@@ -203,7 +204,7 @@ def rehearse(
     with SimulatedCell(place, plan, waiting(place, plan, options), speed=options.speed, cancelled=cancelled) as arm:
         log = _Log(arm, progress)
         try:
-            result = execute(plan, arm, log, listener=log.listen, speed=options.speed)
+            result = execute(plan, arm, log, listener=log.listen, speed=options.speed, person=Everybody())
             interrupted = result.status is ExecutionStatus.CANCELLED
             if result.status is ExecutionStatus.SUCCEEDED and all(p.succeeded for p in log.parts):
                 if options.parts is not None and options.parts < len(whole_plan.steps):

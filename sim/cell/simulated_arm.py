@@ -261,6 +261,9 @@ class SimulatedCell:
         self._rest()
         return self._hand.grip(width_m, force_n)
 
+    def show(self, text: str) -> None:
+        """Nobody stands there."""
+
     def halt(self, stop: Stopped) -> MotionOutcome:
         """Stop for the reason in `stop`; return that and whether the arm then stands still."""
         return MotionOutcome(stop.status, stop.detail, stop.state, stop_observed=self.stop())

@@ -40,6 +40,7 @@ class Obedient:
         self.time_s = 0.0
         self.speed_scaling, self.payload_kg, self.lag, self.force = 1.0, 0.0, 0.0, np.zeros(6)
         self.commands: list[str] = []
+        self.shown: list[str] = []
         self.halted: list[Stopped] = []
         self.stops = 0
         self._trouble = trouble
@@ -110,6 +111,9 @@ class Obedient:
     def grip(self, width_m: float, force_n: float) -> Grip:
         self._note("grip")
         return Grip(width_m, True)
+
+    def show(self, text: str) -> None:
+        self.shown.append(text)
 
     def halt(self, stop: Stopped) -> MotionOutcome:
         self.halted.append(stop)

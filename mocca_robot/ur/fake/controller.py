@@ -77,6 +77,8 @@ class FakeController:
         self.arm.slider = _share(slider)
         self.arm.noise_n, self.arm.drift_n_min = noise_n, drift_n_min
         self.longest_pause_s = 0.0
+        self.popup = ""
+        self.popups: list[str] = []
         self.rtde = RtdeServer(self.arm)
         for text in faults:
             self.arm.inject(Trigger.parse(text))
@@ -164,6 +166,13 @@ class FakeController:
         }
         if question in answers:
             return answers[question]
+        if question.startswith("popup "):
+            self.popups.append(question.removeprefix("popup "))
+            self.popup = self.popups[-1]
+            return "showing popup"
+        if question == "close popup":
+            self.popup = ""
+            return "closing popup"
         if question == "stop":
             arm.stop_program("dashboard")
             return "Stopped"
@@ -251,6 +260,8 @@ class FakeController:
             "begun": arm.begun,
             "faults": sorted(arm.world.active),
             "log": arm.log[-50:],
+            "popup": self.popup,
+            "popups": self.popups[-50:],
             "longest_pause_s": self.longest_pause_s,
         }
 
