@@ -21,6 +21,7 @@ _KINDS: dict[str, dict[str, Any]] = {
     "text": {"type": "string"},
     "names": {"type": ["string", "integer", "array"]},
     "goals": {"type": ["string", "object", "array"]},
+    "loads": {"type": "array", "items": {"type": "object"}},
     "mapping": {"type": "object"},
 }
 

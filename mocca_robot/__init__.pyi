@@ -1,5 +1,15 @@
 """What people may rely on: every public name of mocca_robot, and the module that it is imported from at first use."""
 
+from .actions import (
+    AddedMass,
+    BodyAcceleration,
+    Combination,
+    LineForce,
+    PointForce,
+    Pressure,
+    Wind,
+    Worker,
+)
 from .assembly import Assembly, Equilibrium, Interlocking, Lateral, Mesh, Part, Polygon, SupportFree
 from .config.config import Config, load
 from .config.schema import SimulationOptions
@@ -31,15 +41,19 @@ from .plan.reader import read_plan
 from .runtime.executors import LocalProcesses, WorkerLost, completed, executor, mapped
 from .statics.cases import CaseVerdict, critical_tilt, critical_tilts, solve_case, solve_cases_on
 from .statics.equilibrium import equilibrium
+from .statics.load_factor import LoadFactor, load_factors
 from .statics.loads import LoadCase, load_cases, state_cases, tilted_gravity
 from .statics.solution import EquilibriumResult, Status
 from .verdicts.verification import Verification, verify
 
 __all__ = [
+    "AddedMass",
     "Assembly",
+    "BodyAcceleration",
     "CaseResult",
     "CaseVerdict",
     "Cell",
+    "Combination",
     "Config",
     "Contact",
     "ContactReport",
@@ -57,7 +71,9 @@ __all__ = [
     "Joint",
     "JointOptions",
     "Lateral",
+    "LineForce",
     "LoadCase",
+    "LoadFactor",
     "LocalProcesses",
     "Meeting",
     "Mesh",
@@ -73,7 +89,9 @@ __all__ = [
     "Placed",
     "PlacedPart",
     "Plan",
+    "PointForce",
     "Polygon",
+    "Pressure",
     "SimulationOptions",
     "Status",
     "Step",
@@ -81,6 +99,8 @@ __all__ = [
     "ThinPlace",
     "Verification",
     "Waypoint",
+    "Wind",
+    "Worker",
     "WorkerLost",
     "assembly_from_compas",
     "bill",
@@ -99,6 +119,7 @@ __all__ = [
     "largest_cone",
     "load",
     "load_cases",
+    "load_factors",
     "mapped",
     "print_beds",
     "read_assembly",

@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from mocca_robot.actions import Action, Combination
 from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.errors import InputError, nearest
 
@@ -204,6 +205,8 @@ class Assembly:
             only goal is interlocking.
         alpha_rad: half-angle of the assemblability cone K(d, α); None = assemblability is not asked for.
         gravity: acceleration vector, (2,) or (3,), m/s².
+        actions: loads besides self-weight.
+        combinations: which of them act together; every one is a load case of the design.
     """
 
     name: str
@@ -211,6 +214,8 @@ class Assembly:
     goals: tuple[Goal, ...] = (Equilibrium(),)
     alpha_rad: float | None = np.deg2rad(5.0)
     gravity: Array = field(default_factory=lambda: np.zeros(0))
+    actions: tuple[Action, ...] = ()
+    combinations: tuple[Combination, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.parts:

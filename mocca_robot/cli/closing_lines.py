@@ -13,6 +13,7 @@ from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode, positive_if
 from mocca_robot.cli.stages import DesignOutcome
 from mocca_robot.errors import quoted
+from mocca_robot.report import reserves
 from mocca_robot.report.summary import goal_words
 from mocca_robot.verdicts.agreement import agree
 from mocca_robot.verdicts.physics import Simulation, TiltVerdict, Tries
@@ -72,6 +73,8 @@ def say_verdicts(outcome: DesignOutcome, console: Console) -> None:
         if tightest.alpha_rad < 0:
             room = f"'{tightest.part}' has no free direction"
         console.say(f"insertion: {free} of {len(insertions)} parts go in as asked; {room}")
+    for factor in outcome.after.load_factors:
+        console.say(f"load:      {reserves.factor_words(factor)}")
     if outcome.simulation is not None:
         console.say(f"physics:   {physics_words(outcome.simulation)}")
 
@@ -125,6 +128,7 @@ def document(outcome: DesignOutcome, supports: tuple[str, ...]) -> dict[str, Any
         "input_cases": reasons.cases_data(outcome.before.cases),
         "cases": reasons.cases_data(outcome.after.cases),
         "states": reasons.cases_data(outcome.states),
+        "load_factors": reserves.factors_data(outcome.after.load_factors),
         "insertions": reasons.insertions_data(outcome.after.insertions),
         "part_overlap": outcome.after.part_overlap,
         "simulation": {k: v for k, v in simulation.items() if k not in ("states", "insertion")} or None,

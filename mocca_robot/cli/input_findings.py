@@ -15,10 +15,12 @@ from mocca_robot.contacts.contact import NearMiss
 from mocca_robot.errors import quoted
 from mocca_robot.motion.insertion import insertion_verdicts
 from mocca_robot.motion.parts_graph import PartsGraph
+from mocca_robot.report import reserves
 from mocca_robot.report.markup import plural
 from mocca_robot.statics.cases import CaseVerdict, critical_tilts, solve_case
 from mocca_robot.statics.coulomb_tilt import FrictionTilt
 from mocca_robot.statics.friction_cases import TANGENTIAL_BAND, tilt_band, tilt_with_friction
+from mocca_robot.statics.load_factor import load_factors
 from mocca_robot.statics.loads import load_cases, state_cases, tilt_azimuths
 from mocca_robot.statics.mobility import Mobility, mobility
 from mocca_robot.verdicts.verification import Verification, part_overlap
@@ -69,7 +71,9 @@ def checkup(
     goals = assembly.goals if key is None or key in keys else (*assembly.goals, Interlocking(key))
     key = key or next(iter(keys), None)
     cases = tuple(solve_case(graph, case, friction) for case in load_cases(graph, goals))
-    verification = Verification(graph, cases, insertion_verdicts(graph), part_overlap(assembly))
+    verification = Verification(
+        graph, cases, insertion_verdicts(graph), part_overlap(assembly), load_factors(graph, friction)
+    )
     states = tuple(solve_case(graph, case, friction) for case in state_cases(graph))
     angles = tilt_azimuths(assembly.dimension, azimuths)
     rubbing = tuple(tilt_with_friction(graph, float(a), friction) for a in angles if friction > 0.0)
@@ -139,6 +143,7 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
     tilts = ", ".join(f"{_azimuth(assembly, a)} {np.rad2deg(t):.2f}°" for a, t in zip(found.azimuths, found.tilts))
     out.append(f"critical tilt: {tilts}")
     out += _about_tilts(found)
+    out += [reserves.factor_words(factor) for factor in found.verification.load_factors]
     if found.key is not None and found.key_mobility is not None:
         loose = found.key_mobility
         says = "everything interlocks" if loose.locked else f"{quoted(loose.moving)} can move"
@@ -174,6 +179,7 @@ def document(found: Checkup) -> dict[str, Any]:
             for a, t, more in zip(found.azimuths, found.tilts, _tilt_figures(found))
         ],
         **_band(found),
+        "load_factors": reserves.factors_data(found.verification.load_factors),
         "key": found.key,
         "interlocks": None if found.key_mobility is None else found.key_mobility.locked,
         "deadlock": found.mobility.locked,

@@ -18,6 +18,7 @@ from mocca_robot.config.schema import SimulationOptions
 from mocca_robot.errors import InputError
 from mocca_robot.fabrication.options import CutOptions
 from mocca_robot.files import fields
+from mocca_robot.files.actions_data import actions_from_data, combinations_from_data
 from mocca_robot.files.assembly_json import gravity_from_data, in_sequence
 from mocca_robot.files.documents import MAX_YAML_BYTES, existing_path, parse_yaml, read_text, yaml_key_lines
 from mocca_robot.files.goals import goals_from_data
@@ -179,6 +180,12 @@ def _assembly(model: Model, given: Mapping[str, Any], where: str, unit_m: float)
         changes["alpha_rad"] = given["alpha_deg"]
     if "gravity" in given:
         changes["gravity"] = gravity_from_data(given["gravity"], assembly.dimension, f"{where}: gravity")
+    if "loads" in given or "combinations" in given:
+        actions = assembly.actions
+        if "loads" in given:
+            actions = actions_from_data(given["loads"], parts, unit_m, f"{where}: loads")
+        changes["actions"] = actions
+        changes["combinations"] = combinations_from_data(given.get("combinations"), actions, f"{where}: combinations")
     for goal in changes.get("goals", assembly.goals):
         if isinstance(goal, Interlocking):
             fields.known_name(goal.key, [p.name for p in parts], f"{where}: goal: key")

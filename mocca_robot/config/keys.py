@@ -19,7 +19,7 @@ class Key:
     Attributes:
         name: with its section: 'alpha_deg', 'joints.margin'; 'parts.NAME.density' stands for every part.
         kind: what a value looks like: number, integer, degrees, length, boolean, name, names, text, choice,
-            choices, vector, box, goals, mapping, values (of a study), places, turns (of a cell).
+            choices, vector, box, goals, mapping, loads, values (of a study), places, turns (of a cell).
         default: as one would write it; None = not set.
         unit: of the written value; 'units' = the configuration's own.
         description: one sentence.
@@ -76,7 +76,7 @@ class Key:
             return checks.vector(data, where, (self.size,))
         if self.kind == "box":
             return checks.box(data, where, self.size)
-        return data  # goals, gravity, values, places, turns: read where they are used
+        return data  # goals, loads, gravity, values, places, turns: read where they are used
 
 
 def section(keys: Sequence[Key], prefix: str) -> dict[str, Key]:

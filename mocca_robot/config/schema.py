@@ -124,6 +124,22 @@ KEYS: tuple[Key, ...] = (
         high=10.0,
     ),
     Key(
+        "loads",
+        "loads",
+        [],
+        "",
+        "Loads besides self-weight, a list of `{name, kind, …}`: `force`, `line`, `pressure`, `wind`, `mass`, "
+        "`worker`, `acceleration`, every magnitude with its unit (see [Loads](loads.md)).",
+    ),
+    Key(
+        "combinations",
+        "loads",
+        [],
+        "",
+        "Loads that act together, a list of `{name, gravity, factors: {LOAD: factor}, states}`; default: each load "
+        "alone beside gravity.",
+    ),
+    Key(
         "insertion",
         "mapping",
         None,

@@ -13,6 +13,12 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import DEFAULT_DENSITY, DEFAULT_THICKNESS, Assembly, Mesh, Part, Polygon, Shape
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
+from mocca_robot.files.actions_data import (
+    actions_from_data,
+    actions_to_data,
+    combinations_from_data,
+    combinations_to_data,
+)
 from mocca_robot.files.documents import parse_json, read_text
 from mocca_robot.files.goals import degrees, goals_from_data, goals_to_data
 from mocca_robot.files.output import safe_file_names, write_json
@@ -21,7 +27,20 @@ from mocca_robot.files.versions import ASSEMBLY
 
 MAX_PARTS = 5000
 
-KEYS = ("format", "version", "units", "dimension", "name", "parts", "sequence", "goal", "alpha_deg", "gravity")
+KEYS = (
+    "format",
+    "version",
+    "units",
+    "dimension",
+    "name",
+    "parts",
+    "sequence",
+    "goal",
+    "alpha_deg",
+    "gravity",
+    "loads",
+    "combinations",
+)
 PART_KEYS = ("name", "polygon", "holes", "thickness", "mesh", "density", "fixed")
 
 
@@ -67,16 +86,20 @@ def assembly_from_data(data: Mapping[str, Any], where: str, folder: Path) -> Ass
     notes: list[str] = []
     parts = parts_from_data(data["parts"], where, unit, dimension, folder, notes)
     name = fields.part_name(data.get("name", "assembly"), f"{where}: name")
-    given = {k for k in ("sequence", "goal", "alpha_deg", "gravity") if k in data}
+    given = {k for k in ("sequence", "goal", "alpha_deg", "gravity", "loads", "combinations") if k in data}
     given |= {"fixed"} if any(p.fixed for p in parts) else set()
     if "sequence" in data:
         parts = in_sequence(parts, fields.names(data["sequence"], f"{where}: sequence"), f"{where}: sequence")
+    gravity = gravity_from_data(data["gravity"], dimension, f"{where}: gravity") if "gravity" in data else np.zeros(0)
+    actions = actions_from_data(data.get("loads", []), parts, fields.UNITS_M[unit], f"{where}: loads")
     assembly = Assembly(
         name,
         parts,
         goals_from_data(data.get("goal", "equilibrium"), f"{where}: goal"),
         alpha_from_data(data.get("alpha_deg", 5.0), f"{where}: alpha_deg"),
-        gravity_from_data(data["gravity"], dimension, f"{where}: gravity") if "gravity" in data else np.zeros(0),
+        gravity,
+        actions=actions,
+        combinations=combinations_from_data(data.get("combinations"), actions, f"{where}: combinations"),
     )
     return AssemblyFile(assembly, unit, frozenset(given), tuple(notes))
 
@@ -204,7 +227,15 @@ def assembly_to_data(assembly: Assembly, mesh_paths: Mapping[str, str] | None = 
         "sequence": list(assembly.sequence),
         "goal": goals_to_data(assembly.goals),
         "alpha_deg": None if assembly.alpha_rad is None else degrees(assembly.alpha_rad),
+        **loads_to_data(assembly),
     }
+
+
+def loads_to_data(assembly: Assembly) -> dict[str, Any]:
+    """Return the keys of loads and their combinations, where there are any."""
+    if not assembly.actions:
+        return {}
+    return {"loads": actions_to_data(assembly.actions), "combinations": combinations_to_data(assembly)}
 
 
 def parts_to_data(assembly: Assembly, mesh_paths: Mapping[str, str]) -> list[dict[str, Any]]:

@@ -172,6 +172,8 @@ def read_design(path: str | Path) -> StoredDesign:
         source.goals if source else (Equilibrium(),),
         source.alpha_rad if source else _asked_alpha(insertion),
         gravity,
+        actions=source.actions if source else (),
+        combinations=source.combinations if source else (),
     )
     return StoredDesign(
         path=file,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mocca_robot.files.output import write_atomic
-from mocca_robot.report import physics_sections, player, sections
+from mocca_robot.report import physics_sections, player, reserves, sections
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.markup import asset, esc
 from mocca_robot.report.pictures import PAGE_DEFS
@@ -36,6 +36,7 @@ def report_page(data: ReportData) -> str:
         (
             sections.side_by_side(data),
             sections.load_cases(data),
+            reserves.reserves(data),
             player.sequence(data),
             physics_sections.tilt(data),
             physics_sections.insertion(data),

@@ -20,6 +20,9 @@ def case_words(name: str) -> str:
         return f"just after placing {name[6:]}"
     if name.startswith("tilt_") and name[5:].lstrip("-").isdigit():
         return f"ground tilted towards {int(name[5:])}°"
+    if name.startswith("load_"):
+        load, _, placed = name[5:].partition("_state_")
+        return f"under '{load}'" + (f", just after placing {placed}" if placed else "")
     known = {
         "gravity": "finished, under gravity",
         "gravity_key_held": "finished, under gravity, key held",

@@ -12,6 +12,7 @@ from mocca_robot.assembly import Assembly, Equilibrium, Goal, Interlocking, Late
 from mocca_robot.geometry.cones import cross
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.motion.parts_graph import PartsGraph
+from mocca_robot.statics.applied import combined
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +24,14 @@ class LoadCase:
         gravity: (d,) acceleration, or None for interlocking: every contact is pushed apart by a unit force.
         present: (N,) parts that are placed; contacts with absent parts do not exist.
         held: (N,) parts that cannot move: fixed ones, and the key under interlocking.
+        applied: (N, dof) further wrenches about the world origin, newtons and newton metres.
     """
 
     name: str
     gravity: Array | None
     present: BoolArray
     held: BoolArray
+    applied: Array | None = None
 
     @property
     def free(self) -> BoolArray:
@@ -58,7 +61,7 @@ def load_cases(graph: PartsGraph, goals: Sequence[Goal] | None = None) -> tuple[
     """Return the load cases that `goals` (default: the assembly's own) ask for, gravity first.
 
     Support-free adds one case per intermediate state: 'state_X' is the assembly just after X was placed. The
-    last state is 'gravity' itself.
+    last state is 'gravity' itself. Combinations of loads follow as 'load_NAME', or 'load_NAME_state_X' for each state.
     """
     assembly = graph.assembly
     goals = assembly.goals if goals is None else goals
@@ -80,6 +83,23 @@ def load_cases(graph: PartsGraph, goals: Sequence[Goal] | None = None) -> tuple[
             held = np.array(fixed)
             held[assembly.index(goal.key)] = True
             cases.append(LoadCase("interlocking", None, everything, held))
+    if assembly.combinations and cases and cases[0].gravity is not None:
+        cases.extend(combination_cases(graph))
+    return tuple(cases)
+
+
+def combination_cases(graph: PartsGraph) -> tuple[LoadCase, ...]:
+    """Return the load cases of the assembly's combinations of loads."""
+    assembly = graph.assembly
+    cases = []
+    for combination in assembly.combinations:
+        moments = [("", graph)]
+        if combination.states == "all":
+            moments = [(f"_state_{assembly.parts[p].name}", state) for p, state in graph.states.items()]
+        for suffix, state in moments:
+            gravity, applied = combined(state, combination)
+            name = f"load_{combination.name}{suffix}"
+            cases.append(LoadCase(name, read_only(gravity), state.present, assembly.fixed, read_only(applied)))
     return tuple(cases)
 
 
@@ -115,6 +135,8 @@ def case_wrenches(case: LoadCase, graph: PartsGraph) -> Array:
     assembly = graph.assembly
     if case.gravity is not None:
         wrenches = gravity_wrenches(assembly, case.gravity)
+        if case.applied is not None:
+            wrenches = wrenches + case.applied
     else:
         unit = float(np.mean([p.mass for p in assembly.parts]) * np.linalg.norm(assembly.gravity))
         wrenches = np.zeros((len(assembly.parts), assembly.dof))

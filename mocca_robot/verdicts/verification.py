@@ -16,6 +16,7 @@ from mocca_robot.geometry.polygons import to_shapely
 from mocca_robot.motion.insertion import InsertionVerdict, insertion_verdicts
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import CaseVerdict, solve_cases_on
+from mocca_robot.statics.load_factor import LoadFactor, load_factors
 from mocca_robot.statics.loads import load_cases
 
 
@@ -28,12 +29,14 @@ class Verification:
         cases: every load case that the goals ask for.
         insertions: one per free part, in assembly order.
         part_overlap: the largest overlap of two parts, as a share of the smaller one.
+        load_factors: how much of every load and combination it takes.
     """
 
     graph: PartsGraph
     cases: tuple[CaseVerdict, ...]
     insertions: tuple[InsertionVerdict, ...]
     part_overlap: float
+    load_factors: tuple[LoadFactor, ...] = ()
 
     @property
     def contacts(self) -> tuple[Contact, ...]:
@@ -66,7 +69,7 @@ def verify(
     """
     graph = PartsGraph.of(assembly, insertion=directions)
     cases = solve_cases_on(executor, graph, load_cases(graph, goals), friction)
-    return Verification(graph, cases, insertion_verdicts(graph), part_overlap(assembly))
+    return Verification(graph, cases, insertion_verdicts(graph), part_overlap(assembly), load_factors(graph, friction))
 
 
 def part_overlap(assembly: Assembly) -> float:

@@ -190,7 +190,8 @@ def margin_cases(assembly: Assembly, required: Sequence[LoadCase], tilt_rad: flo
             continue
         for azimuth in tilt_azimuths(assembly.dimension, 4):
             gravity = tilted_gravity(case.gravity, tilt_rad, float(azimuth))
-            cases.append(LoadCase(f"{case.name}+{np.rad2deg(azimuth):.0f}", gravity, case.present, case.held))
+            name = f"{case.name}+{np.rad2deg(azimuth):.0f}"
+            cases.append(LoadCase(name, gravity, case.present, case.held, case.applied))
     return tuple(cases)
 
 

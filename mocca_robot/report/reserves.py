@@ -1,0 +1,96 @@
+"""How much of every load a structure takes: in words, as a table of the report, and as data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from mocca_robot.actions import Action, AddedMass, BodyAcceleration, LineForce, PointForce, Worker
+from mocca_robot.assembly import Assembly
+from mocca_robot.report.data import ReportData
+from mocca_robot.report.markup import esc, listed, significant, table
+from mocca_robot.report.sections import section
+from mocca_robot.statics.load_factor import LoadFactor
+
+
+def factor_words(found: LoadFactor) -> str:
+    """Return how much of a load the structure takes, as a sentence (not escaped)."""
+    when = f" just after placing '{found.placed}'" if found.placed else ""
+    if found.factor is None:
+        return f"how much of '{found.name}' it takes{when} is not decided: the solver was inaccurate"
+    if math.isinf(found.factor):
+        return f"'{found.name}': any amount stands"
+    names = ", ".join(f"'{name}'" for name in found.moving[:4]) + (", …" if len(found.moving) > 4 else "")
+    if found.factor == 0.0:
+        return f"'{found.name}': stands with none of it{when}; {names} would move"
+    return f"'{found.name}': stands up to {significant(found.factor, 4)} times it{when}; then {names} would move"
+
+
+def size_words(assembly: Assembly, name: str) -> str:
+    """Return a load's size, or what a combination is made of (not escaped)."""
+    for action in assembly.actions:
+        if action.name == name:
+            return _size(action)
+    combination = next(c for c in assembly.combinations if c.name == name)
+    return " + ".join([f"{combination.gravity:g} own weight", *(f"{f:g} {n}" for n, f in combination.factors.items())])
+
+
+def _size(action: Action) -> str:
+    if isinstance(action, PointForce):
+        return f"{np.linalg.norm(action.force):.4g} N on '{action.part}'"
+    if isinstance(action, LineForce):
+        return f"{np.linalg.norm(action.force):.4g} N/m on '{action.part}'"
+    if isinstance(action, AddedMass):
+        return f"{action.mass_kg:.4g} kg on '{action.part}'"
+    if isinstance(action, Worker):
+        return f"{action.mass_kg:.4g} kg on what was placed last"
+    if isinstance(action, BodyAcceleration):
+        return f"{np.linalg.norm(action.acceleration):.4g} m/s²"
+    return f"{action.pressure_pa:.4g} Pa"
+
+
+def reserves(data: ReportData) -> str:
+    """Return the table of load factors, of the result beside the input; nothing without loads."""
+    before = {f.name: f for f in data.before.load_factors}
+    rows = [
+        [
+            esc(found.name),
+            esc(size_words(data.design.source, found.name)),
+            _figure(before.get(found.name)),
+            _figure(found),
+            listed(found.moving) if found.moving else "nothing",
+        ]
+        for found in data.after.load_factors
+    ]
+    if not rows:
+        return ""
+    words = (
+        "<p>How many times each load the structure carries beside its own weight before it first falls, and what moves "
+        "then. A combination's loads grow together. ∞: any amount stands.</p>"
+    )
+    head = ("Load", "Size", "λ of the input", "λ of the result", "Who moves")
+    return section("reserves", "Loads and reserves", words + table(head, rows, caption="Load factors", numeric=(2, 3)))
+
+
+def _figure(found: LoadFactor | None) -> str:
+    if found is None or found.factor is None:
+        return "–"
+    return "∞" if math.isinf(found.factor) else significant(found.factor, 4)
+
+
+def factors_data(found: Sequence[LoadFactor]) -> list[dict[str, Any]]:
+    """Return load factors for JSON: `factor` null with `unlimited` true where any amount stands."""
+    return [
+        {
+            "load": f.name,
+            "factor": None if f.factor is None or math.isinf(f.factor) else f.factor,
+            "unlimited": f.factor is not None and math.isinf(f.factor),
+            "decided": f.factor is not None,
+            "placed": f.placed or None,
+            "moving": list(f.moving),
+        }
+        for f in found
+    ]

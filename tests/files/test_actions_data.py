@@ -1,0 +1,104 @@
+"""Loads in files: read, written back bit for bit, and refused by name with a remedy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mocca_robot.assembly import Part, Polygon
+from mocca_robot.errors import InputError
+from mocca_robot.files.actions_data import actions_from_data, actions_to_data, combinations_from_data, quantity
+
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+PARTS = (Part("ground", Polygon(SQUARE - [0.0, 1.0]), fixed=True), Part("plank", Polygon(SQUARE)))
+EVERY_KIND: list[dict[str, Any]] = [
+    {"name": "person", "kind": "force", "part": "plank", "force": "0.8 kN", "at": [500, 1000]},
+    {"name": "push", "kind": "force", "part": "plank", "force": "12.5N", "direction": [3, 4]},
+    {"name": "rail", "kind": "line", "part": "plank", "force": "1 kN/m", "start": [0, 1000], "end": [1000, 1000]},
+    {"name": "snow", "kind": "pressure", "pressure": "1.5 kN/m²", "facing": "up", "within": [[0, 0], [400, 2000]]},
+    {"name": "gas", "kind": "pressure", "pressure": "20 Pa", "parts": ["plank"]},
+    {"name": "wind", "kind": "wind", "pressure": "500 Pa", "towards": "-x"},
+    {"name": "lamp", "kind": "mass", "part": "plank", "mass": "1500 g", "at": [100, 900]},
+    {"name": "worker", "kind": "worker", "mass": "80 kg"},
+    {"name": "quake", "kind": "acceleration", "acceleration": "0.1 g", "direction": "+x"},
+]
+
+
+def test_every_kind_is_read_in_its_units_and_written_back() -> None:
+    actions = actions_from_data(EVERY_KIND, PARTS, 1e-3, "loads")
+    found = {a.name: a for a in actions}
+    assert found["person"].force.tolist() == [0.0, -800.0] and found["person"].at.tolist() == [0.5, 1.0]  # type: ignore[union-attr]
+    assert found["push"].force == pytest.approx([7.5, 10.0])  # type: ignore[union-attr]
+    assert found["snow"].pressure_pa == 1500.0 and found["snow"].within.tolist() == [[0.0, 0.0], [0.4, 2.0]]  # type: ignore[union-attr]
+    assert found["lamp"].mass_kg == 1.5 and found["wind"].towards.tolist() == [-1.0, 0.0]  # type: ignore[union-attr]
+    assert found["quake"].acceleration == pytest.approx([0.980665, 0.0])  # type: ignore[union-attr]
+    again = actions_from_data(actions_to_data(actions), PARTS, 1.0, "loads")
+    assert actions_to_data(again) == actions_to_data(actions)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"part": "plnk"}, "'plank'"),
+        ({"part": "ground"}, "fixed"),
+        ({"force": 800}, "without a unit"),
+        ({"force": "800"}, "unit"),
+        ({"force": "800 kg"}, "N"),
+        ({"force": "-3 N"}, "more than 0"),
+        ({"force": "nan N"}, "finite"),
+        ({"at": [5000, 500]}, "4000 away from part 'plank'"),
+        ({"at": [1, 2, 3]}, "2 numbers"),
+        ({"direction": "downwards"}, "'down'"),
+        ({"direction": [0, 0]}, "usable length"),
+        ({"kind": "farce"}, "'force'"),
+        ({"weight": 3}, "unknown key"),
+    ],
+)
+def test_a_load_that_cannot_be_used_is_named(change: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError) as refused:
+        actions_from_data([EVERY_KIND[0] | change], PARTS, 1e-3, "roof.yaml: loads")
+    assert words in str(refused.value) and "roof.yaml: load" in str(refused.value)
+
+
+def test_names_are_unique_and_needed() -> None:
+    with pytest.raises(InputError, match="two loads are called 'worker'"):
+        actions_from_data([EVERY_KIND[7]] * 2, PARTS, 1.0, "loads")
+    with pytest.raises(InputError, match="needs a name"):
+        actions_from_data([{"kind": "worker", "mass": "80 kg"}], PARTS, 1.0, "loads")
+    with pytest.raises(InputError, match="needs mass"):
+        actions_from_data([{"name": "worker", "kind": "worker"}], PARTS, 1.0, "loads")
+
+
+def test_without_combinations_each_load_acts_alone() -> None:
+    actions = actions_from_data(EVERY_KIND, PARTS, 1e-3, "loads")
+    found = combinations_from_data(None, actions, "combinations")
+    assert [c.name for c in found] == [a.name for a in actions]
+    assert all(c.factors == {c.name: 1.0} and c.gravity == 1.0 for c in found)
+    assert [c.name for c in found if c.states == "all"] == ["worker"]
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ({"name": "use", "factors": {"snwo": 1.5}}, "'snow'"),
+        ({"name": "use", "factors": {"snow": 0}}, "more than 0"),
+        ({"name": "use", "factors": {"snow": -1.5}}, "more than 0"),
+        ({"name": "use"}, "no 'factors'"),
+        ({"name": "use", "factors": {}, "states": "some"}, "finished"),
+    ],
+)
+def test_a_combination_that_cannot_be_used_is_named(entry: dict[str, Any], words: str) -> None:
+    actions = actions_from_data(EVERY_KIND, PARTS, 1e-3, "loads")
+    with pytest.raises(InputError, match="combinations") as refused:
+        combinations_from_data([entry], actions, "combinations")
+    assert words in str(refused.value)
+
+
+@given(st.floats(1e-6, 1e9), st.sampled_from(["", " "]), st.sampled_from(["N", "kN", "MN"]))
+def test_quantities_are_numbers_with_units(size: float, space: str, unit: str) -> None:
+    factor = {"N": 1.0, "kN": 1e3, "MN": 1e6}[unit]
+    assert quantity(f"{size!r}{space}{unit}", {"N": 1.0, "kN": 1e3, "MN": 1e6}, "force") == size * factor
