@@ -23,6 +23,8 @@ _KINDS: dict[str, dict[str, Any]] = {
     "goals": {"type": ["string", "object", "array"]},
     "loads": {"type": "array", "items": {"type": "object"}},
     "mapping": {"type": "object"},
+    "friction": {"type": ["number", "object"]},
+    "entries": {"type": "array"},
 }
 
 

@@ -139,12 +139,13 @@ def _ring_moments(ring: Array) -> tuple[float, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A rigid part P_i. Fixed parts touch the ground and never move."""
+    """A rigid part P_i. Fixed parts touch the ground and never move; `material` is its name in tables of friction."""
 
     name: str
     shape: Shape
     density: float = DEFAULT_DENSITY
     fixed: bool = False
+    material: str = ""
 
     @property
     def mass(self) -> float:

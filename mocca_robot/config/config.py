@@ -24,6 +24,7 @@ from mocca_robot.files.documents import MAX_YAML_BYTES, existing_path, parse_yam
 from mocca_robot.files.goals import goals_from_data
 from mocca_robot.files.versions import CONFIG
 from mocca_robot.joints.options import JointOptions
+from mocca_robot.materials import Friction, require_materials
 
 __all__ = ["Config", "CutOptions", "EffectiveValue", "JointOptions", "SimulationOptions", "load"]
 
@@ -114,7 +115,8 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
     given = _top_level(written, where, unit_m)
     assembly = _assembly(model, given, where, unit_m)
     simulate = read_section(schema.KEYS, given.get("simulate", {}), "simulate", where, unit_m)
-    simulate.setdefault("friction", given.get("friction", 0.0))
+    friction = _friction(given, assembly, where)
+    simulate.setdefault("friction", friction)
     joints = read_section(schema.KEYS, given.get("joints", {}), "joints", where, unit_m)
     cut = read_section(schema.KEYS, given.get("cut", {}), "cut", where, unit_m)
     return Config(
@@ -122,7 +124,7 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
         source=path,
         unit=unit,
         unit_m=unit_m,
-        friction=given.get("friction", 0.0),
+        friction=friction,
         insertion=_insertion(model, given.get("insertion", {}), assembly, f"{where}: insertion"),
         joints=options(JointOptions, joints),
         simulate=options(SimulationOptions, simulate),
@@ -130,6 +132,25 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
         notes=said + model.notes + _suspicions(assembly),
         values=_effective(data, lines, arguments or {}, model),
     )
+
+
+def _friction(given: Mapping[str, Any], assembly: Assembly, where: str) -> float:
+    """Return the coefficient, with its table of materials and the declared clamping where there are any."""
+    friction: float = given.get("friction", 0.0)
+    require_materials(friction, assembly.parts, f"{where}: friction")
+    if "clamping" not in given:
+        return friction
+    clamping = []
+    for k, entry in enumerate(given["clamping"]):
+        place = f"{where}: clamping[{k}]"
+        found = fields.mapping(entry, place, ("parts", "force_n"))
+        names = fields.names(found.get("parts"), f"{place}.parts")
+        if len(names) != 2:
+            raise InputError(f"{place}.parts names {len(names)} parts; name the two that are clamped together.")
+        for name in names:
+            fields.known_name(name, assembly.sequence, f"{place}.parts")
+        clamping.append(((names[0], names[1]), fields.number(found.get("force_n"), f"{place}.force_n", 0.0)))
+    return Friction(friction, friction.table if isinstance(friction, Friction) else (), clamping)
 
 
 def _top_level(written: Mapping[str, Any], where: str, unit_m: float) -> dict[str, Any]:
@@ -217,7 +238,8 @@ def _parts(parts: tuple[Part, ...], given: Mapping[str, Any], where: str, unit_m
                 raise InputError(f"{where}: thickness belongs to flat parts, but '{part.name}' is solid; remove it.")
             shape = Polygon(shape.exterior, shape.holes, thickness)
         density = mine.get("density", given.get("density", part.density))
-        found.append(Part(part.name, shape, density, mine.get("fixed", fixed)))
+        material = mine.get("material", given.get("material", part.material))
+        found.append(Part(part.name, shape, density, mine.get("fixed", fixed), material))
     return tuple(found)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields as checks
+from mocca_robot.materials import read_friction
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,8 @@ class Key:
     Attributes:
         name: with its section: 'alpha_deg', 'joints.margin'; 'parts.NAME.density' stands for every part.
         kind: what a value looks like: number, integer, degrees, length, boolean, name, names, text, choice,
-            choices, vector, box, goals, mapping, loads, values (of a study), places, turns (of a cell).
+            choices, vector, box, friction, entries, goals, mapping, loads,
+            values (of a study), places, turns (of a cell).
         default: as one would write it; None = not set.
         unit: of the written value; 'units' = the configuration's own.
         description: one sentence.
@@ -48,6 +50,14 @@ class Key:
         limits = {"low": self.low, "high": self.high, "above": self.above, "below": self.below}
         if self.kind == "number":
             return checks.number(data, where, **limits)
+        if self.kind == "friction" and isinstance(data, Mapping):
+            return read_friction(data, where, self.low or 0.0, 10.0 if self.high is None else self.high)
+        if self.kind == "friction":
+            return checks.number(data, where, **limits)
+        if self.kind == "entries":
+            if not isinstance(data, list):
+                raise InputError(f"{where} must be a list, not {checks.shown(data)}.")
+            return tuple(data)
         if self.kind == "degrees":
             return None if data is None else float(np.deg2rad(checks.number(data, where, **limits)))
         if self.kind == "integer":

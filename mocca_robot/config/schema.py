@@ -103,7 +103,17 @@ KEYS: tuple[Key, ...] = (
     ),
     Key("density", "number", DEFAULT_DENSITY, "kg/m³", "Density of every part.", above=0.0, high=1e5),
     Key("thickness", "length", f"{DEFAULT_THICKNESS * 1e3:g} mm", "units", "Depth of flat parts.", above=0.0),
-    Key("parts", "mapping", None, "", "Settings of single parts by name: `density`, `fixed`, `thickness`."),
+    Key("parts", "mapping", None, "", "Settings of single parts by name: `density`, `fixed`, `material`, `thickness`."),
+    Key("material", "name", None, "", "Material of every part, as tables of friction call it."),
+    Key("parts.NAME.material", "name", None, "", "Material of this part."),
+    Key(
+        "clamping",
+        "entries",
+        None,
+        "",
+        "With what force parts were driven together: `[{parts: [left, wedge], force_n: 50}]`. With friction, what "
+        "stands only clamped may stand with it.",
+    ),
     Key("parts.NAME.density", "number", None, "kg/m³", "Density of this part.", above=0.0, high=1e5),
     Key("parts.NAME.fixed", "boolean", None, "", "Whether this part stands on the ground."),
     Key("parts.NAME.thickness", "length", None, "units", "Depth of this flat part.", above=0.0),
@@ -116,10 +126,11 @@ KEYS: tuple[Key, ...] = (
     ),
     Key(
         "friction",
-        "number",
+        "friction",
         0.0,
         "",
-        "Coulomb coefficient used for analysis and comparison; the design itself does not rely on friction.",
+        "Coulomb coefficient, or one per pair of materials such as `{wood-wood: 0.4, wood-steel: 0.2}`, used for "
+        "analysis and comparison; the design itself does not rely on friction.",
         low=0.0,
         high=10.0,
     ),

@@ -189,7 +189,7 @@ def _everything_else(flat: bool) -> list[str]:
     section = ""
     for key in KEYS:
         first, _, last = key.name.partition(".")
-        if first in LISTED or key.kind == "mapping" or "NAME" in key.name or (first == "cut" and not flat):
+        if first in LISTED or key.kind in ("mapping", "entries") or "NAME" in key.name or (first == "cut" and not flat):
             continue
         if last and first != section:
             section = first

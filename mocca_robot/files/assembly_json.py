@@ -41,7 +41,7 @@ KEYS = (
     "loads",
     "combinations",
 )
-PART_KEYS = ("name", "polygon", "holes", "thickness", "mesh", "density", "fixed")
+PART_KEYS = ("name", "polygon", "holes", "thickness", "mesh", "density", "fixed", "material")
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +154,9 @@ def parts_from_data(
         spoken = f"{where}: part '{name}'"
         shape = _shape(entry, name, spoken, unit, dimension, folder, notes)
         density = fields.number(entry.get("density", DEFAULT_DENSITY), f"{spoken}: density", above=0.0, below=1e6)
-        parts.append(Part(name, shape, density, fields.boolean(entry.get("fixed", False), f"{spoken}: fixed")))
+        fixed = fields.boolean(entry.get("fixed", False), f"{spoken}: fixed")
+        material = fields.part_name(entry["material"], f"{spoken}: material") if "material" in entry else ""
+        parts.append(Part(name, shape, density, fixed, material))
     return tuple(parts)
 
 
@@ -243,6 +245,8 @@ def parts_to_data(assembly: Assembly, mesh_paths: Mapping[str, str]) -> list[dic
     found = []
     for part in assembly.parts:
         entry: dict[str, Any] = {"name": part.name, "fixed": bool(part.fixed), "density": float(part.density)}
+        if part.material:
+            entry["material"] = part.material
         if isinstance(part.shape, Polygon):
             entry["polygon"] = part.shape.exterior.tolist()
             if part.shape.holes:

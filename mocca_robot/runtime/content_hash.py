@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.assembly import Assembly, Polygon
+from mocca_robot.materials import Friction
 
 
 def content_hash(content: tuple[Any, ...]) -> str:
@@ -21,7 +22,8 @@ def assembly_hash(assembly: Assembly) -> str:
     """Return a hash of the geometry, masses and order of the parts."""
     digest = hashlib.sha256()
     for part in assembly.parts:
-        digest.update(repr((part.name, part.density, part.fixed)).encode())
+        named = (part.material,) if part.material else ()
+        digest.update(repr((part.name, part.density, part.fixed, *named)).encode())
         shape = part.shape
         arrays = (
             (*shape.rings, np.array(shape.thickness)) if isinstance(shape, Polygon) else (shape.vertices, shape.faces)
@@ -37,6 +39,8 @@ def _plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, np.generic):
         return value.item()
+    if isinstance(value, Friction):
+        return [float(value), _plain(value.table), _plain(value.clamping)]
     if is_dataclass(value) and not isinstance(value, type):
         return [type(value).__name__, *[_plain(getattr(value, f.name)) for f in fields(value)]]
     if isinstance(value, dict):

@@ -8,6 +8,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.joints.joint import contact_rays
+from mocca_robot.materials import between, clamped
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.coulomb_tilt import RESOLUTION_RAD, FrictionTilt, largest_tilt
 from mocca_robot.statics.friction_verdict import FrictionVerdict, Standing
@@ -122,8 +123,11 @@ def _touching(
     there = present_corners(graph, np.frombuffer(present, dtype=np.bool_))
     pairs, points, normals = contact_rays(graph.contacts)
     about = np.array([p.centroid for p in assembly.parts])
+    here = {tuple(map(int, pair)) for pair in np.unique(pairs[there], axis=0)}
+    clamping = {p: f for p, f in clamped(friction, assembly.parts, pairs).items() if p in here or p[::-1] in here}
+    rough = between(friction, assembly.parts, pairs[there])
     moves = np.frombuffer(free, dtype=np.bool_)
     return FrictionalContacts.of(
-        pairs[there], points[there], normals[there], moves, friction, about=about, length=assembly.size / 2,
-        tangential_ratio=tangential_ratio,
+        pairs[there], points[there], normals[there], moves, rough, about=about, length=assembly.size / 2,
+        tangential_ratio=tangential_ratio, clamping=clamping,
     )  # fmt: skip

@@ -10,6 +10,7 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly
 from mocca_robot.joints.joint import contact_rays
+from mocca_robot.materials import between
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import LoadCase, case_wrenches
 from sim.coulomb.settle import COURSE, Course, Settled, SettlingOutcome, settle
@@ -52,7 +53,7 @@ class Rubbing:
             pairs[there],
             points[there],
             normals[there],
-            friction=self.friction,
+            friction=between(self.friction, self.graph.assembly.parts, pairs[there]),
             free=present & ~held,
             about=np.array([p.centroid for p in self.graph.assembly.parts]),
             length=self.graph.assembly.size / 2,
