@@ -24,7 +24,7 @@ from mocca_robot.files.documents import MAX_YAML_BYTES, existing_path, parse_yam
 from mocca_robot.files.goals import goals_from_data
 from mocca_robot.files.versions import CONFIG
 from mocca_robot.joints.options import JointOptions
-from mocca_robot.materials import Friction, require_materials
+from mocca_robot.statics.materials import Friction, require_materials
 
 __all__ = ["Config", "CutOptions", "EffectiveValue", "JointOptions", "SimulationOptions", "load"]
 

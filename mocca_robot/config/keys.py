@@ -10,7 +10,7 @@ import numpy as np
 
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields as checks
-from mocca_robot.materials import read_friction
+from mocca_robot.statics.materials import read_friction
 
 
 @dataclass(frozen=True)

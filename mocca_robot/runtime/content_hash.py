@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.assembly import Assembly, Polygon
-from mocca_robot.materials import Friction
 
 
 def content_hash(content: tuple[Any, ...]) -> str:
@@ -39,8 +38,8 @@ def _plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, np.generic):
         return value.item()
-    if isinstance(value, Friction):
-        return [float(value), _plain(value.table), _plain(value.clamping)]
+    if isinstance(value, float) and type(value) is not float:  # a number that says more, such as a table of friction
+        return [_plain(v) for v in value.__reduce__()[1]]
     if is_dataclass(value) and not isinstance(value, type):
         return [type(value).__name__, *[_plain(getattr(value, f.name)) for f in fields(value)]]
     if isinstance(value, dict):

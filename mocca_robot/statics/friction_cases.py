@@ -8,12 +8,12 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.joints.joint import contact_rays
-from mocca_robot.materials import between, clamped
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.coulomb_tilt import RESOLUTION_RAD, FrictionTilt, largest_tilt
 from mocca_robot.statics.friction_verdict import FrictionVerdict, Standing
 from mocca_robot.statics.frictional_contacts import TANGENTIAL_RATIO, FrictionalContacts
 from mocca_robot.statics.loads import LoadCase, case_wrenches, tilted_gravity
+from mocca_robot.statics.materials import between, clamped
 from mocca_robot.statics.solution import EquilibriumResult, Status
 from mocca_robot.statics.tilt import critical_angle
 

@@ -10,9 +10,9 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly
 from mocca_robot.joints.joint import contact_rays
-from mocca_robot.materials import between
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import LoadCase, case_wrenches
+from mocca_robot.statics.materials import between
 from sim.coulomb.settle import COURSE, Course, Settled, SettlingOutcome, settle
 from sim.coulomb.springs import Springs
 from sim.motion import reach

@@ -12,10 +12,10 @@ import pytest
 
 from mocca_robot.config.config import load
 from mocca_robot.errors import InputError
-from mocca_robot.materials import Friction, between
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.content_hash import content_hash
 from mocca_robot.statics.cases import case_at, critical_tilt, solve_case
+from mocca_robot.statics.materials import Friction, between
 
 
 def box(x: float, y: float, width: float, height: float) -> list[list[float]]:
