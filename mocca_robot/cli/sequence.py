@@ -83,7 +83,10 @@ def lines(found: SequenceResult) -> list[str]:
         return [*out, f"an order was found: {held} ({found.states} states examined)"]
     if found.obstacles:
         out = [f"{o.part} is barred by {', '.join(o.blockers[:6])}" for o in found.obstacles]
-        return [*out, f"no order exists: {len(found.obstacles)} parts lock each other, whatever leaves first"]
+        count = "1 part is locked in" if len(found.obstacles) == 1 else f"{len(found.obstacles)} parts lock each other"
+        if found.proven:
+            return [*out, f"no order exists: {count}, whatever leaves first"]
+        return [*out, f"no order was found: {count} in every direction that was tried; others may be free"]
     what = f"in the state of {', '.join(found.remaining)} somebody has to hold {', '.join(found.falling)}"
     if found.status == "budget":
         return [f"no order was found in {found.states} states; raise --states, or --holders ({what})"]
@@ -101,6 +104,7 @@ def document(found: SequenceResult) -> dict[str, Any]:
         "supports": found.supports,
         "holders": found.holders,
         "fewest": found.fewest,
+        "proven": found.proven,
         "obstacles": [{"part": o.part, "blockers": list(o.blockers)} for o in found.obstacles],
         "falling": list(found.falling),
         "remaining": list(found.remaining),

@@ -110,9 +110,11 @@ def _apart_but_for_joint(i: int, j: int, faces: FacetSet, partner: IntArray, dep
     normals = faces.triangle_normals[first][shared]
     area = np.einsum("ij,ij->i", np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), normals)
     normal = area @ normals
-    normal /= np.linalg.norm(normal)
-    if (normals @ normal).min() <= 0.0:
+    length = float(np.linalg.norm(normal))
+    # Walls on opposite sides, as of a slot, have no side in common.
+    if (normals @ normal).min() <= 1e-9 * length:
         return False
+    normal /= length
     below = faces.vertices[faces.triangles[first][~shared]] @ normal
     above = faces.vertices[faces.triangles[second][partner[second] != i]] @ normal
     return bool(above.min(initial=np.inf) - below.max(initial=-np.inf) >= -depth)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocca_robot.arrays import Array
+from mocca_robot.geometry.sliding import SLIDE, sliding_ways
 from mocca_robot.motion.parts_graph import PartMotion, PartsGraph
 from mocca_robot.motion.sweep2d import free_half_angle_2d
 from mocca_robot.motion.ways_out import first_free, insertion_rim, spread_directions, sweep_blockers
@@ -58,12 +59,14 @@ def insertion_verdicts(graph: PartsGraph) -> tuple[InsertionVerdict, ...]:
             axis = -chosen
             alpha = motion.room(axis)
         rim = insertion_rim(axis, assembly.alpha_rad or 0.0)
-        hit = sweep_blockers(assembly, part, rim) if alpha > -ANGLE_ROUNDING_RAD else ()
-        if hit and chosen is None:
+        open_there = alpha > -ANGLE_ROUNDING_RAD
+        hit = sweep_blockers(assembly, part, rim) if open_there else ()
+        if (hit or not open_there) and chosen is None:
             # Others than those it touches bar the middle of its cone: another way may be free and wide enough.
             other = first_free(assembly, part, _other_ways(motion, assembly.alpha_rad or 0.0))
             if other is not None:
-                axis, alpha, hit = other, motion.room(other), ()
+                room = motion.room(other)
+                axis, alpha, hit = other, 0.0 if abs(room) <= SLIDE else room, ()
         if assembly.dimension == 2 and alpha > 0.0 and not hit:
             alpha = min(alpha, free_half_angle_2d(assembly, part, axis))
         narrow = alpha < (assembly.alpha_rad or 0.0) - ANGLE_ROUNDING_RAD
@@ -75,7 +78,9 @@ def insertion_verdicts(graph: PartsGraph) -> tuple[InsertionVerdict, ...]:
 
 
 def _other_ways(motion: PartMotion, least_rad: float) -> Iterator[Array]:
-    """Yield unit ways out that its own contacts leave free by `least_rad`, each as far as can be from those before."""
+    """Yield unit ways out that its own contacts leave free by `least_rad`, each as far as can be from those before;
+    then, where no cone is asked for, those along which the part slides.
+    """
     ways = spread_directions(len(motion.axis), DENSE)
     ways = ways[(ways @ motion.normals.T).min(axis=1, initial=1.0) >= np.sin(least_rad) - ANGLE_ROUNDING_RAD]
     apart = np.linalg.norm(ways - motion.axis, axis=1)
@@ -83,3 +88,5 @@ def _other_ways(motion: PartMotion, least_rad: float) -> Iterator[Array]:
         way = ways[apart.argmax()]
         yield way
         apart = np.minimum(apart, np.linalg.norm(ways - way, axis=1))
+    if least_rad <= 0.0:
+        yield from sliding_ways(motion.normals)[0]

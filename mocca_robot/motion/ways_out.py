@@ -9,6 +9,7 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.geometry.sliding import sliding_ways
 from mocca_robot.motion.parts_graph import PartMotion, PartsGraph
 from mocca_robot.motion.sweep2d import free_half_angle_2d, sweep_blockers_2d
 
@@ -24,8 +25,9 @@ def ways_out(graph: PartsGraph, *, room_rad: float = 0.0, samples: int = 600) ->
 
     The axis a of the part's widest cone comes first: it has most room among the neighbours, but it may lead
     through parts further away. Then `samples` directions spread evenly, those with most room first, as long as
-    all contact normals keep n̂·x ≥ sin(α + `room_rad`). A direction is free when the sweep along it and along the
-    rim of K(x, α) hits nothing. Insertion runs along −x.
+    all contact normals keep n̂·x ≥ sin(α + `room_rad`). Where no cone is asked for, the directions along which a part
+    slides come last. A direction is free when the sweep along it and along the rim of K(x, α) hits nothing. Insertion
+    runs along −x.
     """
     assembly = graph.assembly
     alpha = assembly.alpha_rad or 0.0
@@ -33,7 +35,8 @@ def ways_out(graph: PartsGraph, *, room_rad: float = 0.0, samples: int = 600) ->
     found: dict[int, Array] = {}
     for part, motion in graph.motions():
         tried = (*([motion.axis] if motion.alpha_rad >= alpha else []), *roomiest(spread, motion, alpha + room_rad))
-        way = first_free(assembly, part, tried)
+        slides = () if alpha > 0.0 else sliding_ways(motion.normals)[0]
+        way = first_free(assembly, part, (*tried, *slides))
         if way is not None:
             found[part] = way
     return found

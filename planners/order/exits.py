@@ -8,6 +8,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
+from mocca_robot.geometry.sliding import sliding_ways
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import insertion_rim, spread_directions, sweep_blockers
 
@@ -24,6 +25,8 @@ class Exits:
     met: dict[tuple[int, tuple[float, ...]], State] = field(default_factory=dict)
     open: dict[int, tuple[State, tuple[Array, float]]] = field(default_factory=dict)
     barred: dict[int, State] = field(default_factory=dict)
+    proven: dict[int, bool] = field(default_factory=dict)
+    """Of the parts in `barred`: whether every direction was tried, not only some of many."""
 
     def __post_init__(self) -> None:
         self.assembly = self.graph.assembly
@@ -72,7 +75,17 @@ class Exits:
                 if not met:
                     return way, free
                 barring |= met
+        proven = room < self.alpha - 1e-9
+        if self.alpha <= 0.0:
+            # What slides leaves along lines and planes, which no spread of directions meets.
+            slides, proven = sliding_ways(normals)
+            for way in slides:
+                met = self._meets(part, way) & others
+                if not met:
+                    return way, 0.0
+                barring |= met
         self.barred[part] = frozenset(barring)
+        self.proven[part] = proven
         return None
 
     def _meets(self, part: int, way: Array) -> State:

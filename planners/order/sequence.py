@@ -74,6 +74,8 @@ class SequenceResult:
         remaining: the parts of that state.
         states: how many states were examined.
         fewest: whether no other order needs fewer supports, among the ways out and holders that were tried.
+        proven: of a DEADLOCKED result, whether no straight way out exists for any of the parts; else only those that
+            were tried are barred.
     """
 
     status: SequenceStatus
@@ -83,6 +85,7 @@ class SequenceResult:
     remaining: tuple[str, ...] = ()
     states: int = 0
     fewest: bool = False
+    proven: bool = False
 
     @property
     def supports(self) -> int:
@@ -134,7 +137,10 @@ def find_sequence(
             Obstacle(names[p], tuple(names[b] for b in exits.blockers(p, locked))) for p in sorted(locked)
         )
         return SequenceResult(
-            status=SequenceStatus.DEADLOCKED, obstacles=obstacles, remaining=tuple(o.part for o in obstacles)
+            status=SequenceStatus.DEADLOCKED,
+            obstacles=obstacles,
+            remaining=tuple(o.part for o in obstacles),
+            proven=all(exits.proven[p] for p in locked),
         )
     return _search(assembly, exits, statics, holders, states)
 
