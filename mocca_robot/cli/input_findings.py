@@ -82,7 +82,7 @@ def checkup(
     band = tilt_band(graph, float(angles[weakest]), friction) if rubbing and tilts[weakest] > 0.0 else None
     held = _held(graph, key)
     anything = mobility(graph)
-    findings = reasons.statics_findings(assembly, verification)
+    findings = [*reasons.statics_findings(assembly, verification), *reasons.hanging_findings(graph)]
     if key is not None and held is not None and not held.locked and not any(f.case == "interlocking" for f in findings):
         text = f"Does not interlock: with '{key}' held, {quoted(held.moving)} can still move."
         findings.append(NegativeVerdict("loose", text, held.moving, "interlocking"))

@@ -11,6 +11,7 @@ import numpy as np
 from mocca_robot.assembly import Assembly, SupportFree
 from mocca_robot.errors import quoted
 from mocca_robot.motion.insertion import InsertionVerdict
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report.summary import case_words
 from mocca_robot.statics.cases import CaseVerdict, moving_parts
 from mocca_robot.tolerances import PART_OVERLAP
@@ -97,6 +98,24 @@ def insertion_finding(verdict: InsertionVerdict) -> NegativeVerdict:
     return NegativeVerdict(
         "blocked", f"'{verdict.part}' cannot be inserted{asked}: {why}.", (verdict.part, *verdict.blockers)
     )
+
+
+def hanging_findings(graph: PartsGraph) -> list[NegativeVerdict]:
+    """Return the parts that touch nothing of what is there when they are placed."""
+    names, found = graph.assembly.sequence, []
+    for part in graph.free:
+        if not graph.neighbours_before(part) and graph.neighbours_after(part):
+            first = [names[p] for p in graph.neighbours_after(part)]
+            found.append(
+                NegativeVerdict(
+                    "falls",
+                    f"'{names[part]}' hangs in the air when it is placed: it touches nothing that is there, and needs "
+                    f"support. Place {quoted(first)} before it.",
+                    (names[part], *first),
+                    f"state_{names[part]}",
+                )
+            )
+    return found
 
 
 def deadlock_finding(assembly: Assembly) -> NegativeVerdict:

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from mocca_robot.cli import main
@@ -377,3 +378,27 @@ def test_no_number_is_written_or_read_by_the_locale() -> None:
             if isinstance(node, ast.FormattedValue) and node.format_spec is not None:
                 plain = [v.value for v in getattr(node.format_spec, "values", []) if isinstance(v, ast.Constant)]
                 assert not (plain and str(plain[-1]).endswith("n")), path
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_part_placed_before_what_it_rests_on_hangs_in_the_air(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    scale, shift = 10 ** rng.uniform(-1, 2), rng.uniform(-100, 100, 2)
+
+    def box(x: float, y: float, width: float, height: float) -> list[list[float]]:
+        corners = np.array([[x, y], [x + width, y], [x + width, y + height], [x, y + height]])
+        return np.asarray(np.roll(corners * scale + shift, seed, axis=0)).tolist()
+
+    parts = [
+        {"name": "ground", "fixed": True, "polygon": box(0, 0, 100, 10)},
+        {"name": "hat", "polygon": box(40, 60, 20, 20)},
+        {"name": "post", "polygon": box(40, 10, 20, 50)},
+    ]
+    data = {"format": "mocca-robot/assembly", "version": 1, "units": "mm", "dimension": 2, "parts": parts}
+    (tmp_path / "a.json").write_text(json.dumps({**data, "alpha_deg": None}))
+    assert main(["check", str(tmp_path / "a.json")]) == 1
+    assert "'hat' hangs in the air when it is placed" in capsys.readouterr().out
+    (tmp_path / "b.json").write_text(json.dumps({**data, "alpha_deg": None, "sequence": ["post", "hat"]}))
+    assert main(["check", str(tmp_path / "b.json")]) == 0
