@@ -354,7 +354,8 @@ def write_pages(
             azimuths=config.simulate.azimuths,
             simulation=outcome.simulation,
             parameters=parameters(config),
-            warnings=(*config.notes, *[f.text for f in outcome.findings]),
+            negative=[f.text for f in outcome.findings],
+            warnings=config.notes,
             friction=friction,
         )
         path = write_report(folder / "report.html", data)

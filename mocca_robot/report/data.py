@@ -39,6 +39,7 @@ class ReportData:
         simulation: what physics says; None when nothing was simulated.
         parameters: what the run was asked for.
         versions: of the programs that computed it.
+        negative: every negative verdict as a sentence, with its evidence; they stand at the top.
         warnings: what a reader should know besides `design.notes`.
     """
 
@@ -50,6 +51,7 @@ class ReportData:
     simulation: Simulation | None = None
     parameters: Mapping[str, object] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
+    negative: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
     @property
@@ -72,6 +74,7 @@ def collect(
     simulation: Simulation | None = None,
     parameters: Mapping[str, object] | None = None,
     versions: Mapping[str, str] | None = None,
+    negative: Sequence[str] = (),
     warnings: Sequence[str] = (),
     friction: float = 0.0,
 ) -> ReportData:
@@ -95,6 +98,7 @@ def collect(
         simulation=simulation,
         parameters=dict(parameters or {}),
         versions=dict(versions) if versions is not None else installed_versions(),
+        negative=tuple(negative),
         warnings=tuple(warnings),
     )
 

@@ -191,6 +191,12 @@ def _margin(data: ReportData) -> str:
 def _alarm(data: ReportData) -> str:
     found, bounded = disagreements(data), below_bound(data)
     out = ""
+    told = [text for text in data.negative if text not in found]
+    if told:
+        items = "".join(f"<li>{esc(text)}</li>" for text in told)
+        out += (
+            f'<section class="alarm" id="negative" role="alert"><h2>What does not hold</h2><ul>{items}</ul></section>'
+        )
     if found:
         items = "".join(f"<li>{esc(d)}</li>" for d in found)
         head = f"{plural(len(found), 'disagreement')} between independent checks"

@@ -219,6 +219,14 @@ def test_without_simulation_it_says_so_and_with_it_that_they_agree(flat: ReportD
     assert ">Agrees<" in page and 'id="disagreements"' not in page and "mujoco 9" in page
 
 
+def test_what_does_not_hold_stands_at_the_top(flat: ReportData) -> None:
+    reason = "Does not stand (finished, under gravity): 'shelf' would move."
+    page = report_page(dataclasses.replace(flat, negative=(reason,)))
+    assert page.count(esc(reason)) == 1
+    assert page.index(esc(reason)) < page.index("<main>")
+    assert 'id="negative"' not in report_page(flat)
+
+
 def test_every_kind_of_disagreement_is_listed(flat: ReportData) -> None:
     names = [s.part for s in states(flat)]
     told = simulated(
