@@ -15,6 +15,7 @@ POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inli
 CHAPTERS = (
     ("pictures", "Input and result"),
     ("cases", "Load cases"),
+    ("reserves", "Loads and reserves"),
     ("sequence", "Assembly"),
     ("tilt", "Tilt"),
     ("insertion", "Insertion"),

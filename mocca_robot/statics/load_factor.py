@@ -162,7 +162,9 @@ def critical(
         falls = result
         steady, growing = powers(result.motions)
         bound = float(np.arctan2(max(0.0, -steady), growing)) if growing > 0.0 else 0.0
-        if bound <= RESOLUTION or bound > angle - RESOLUTION:
+        if bound <= RESOLUTION:
+            return 0.0, step, falls
+        if bound > angle - RESOLUTION:
             return min(angle, bound), step, falls
         angle = bound
     return None, MAX_STEPS, falls
