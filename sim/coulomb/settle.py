@@ -20,6 +20,8 @@ class Course:
         ramp: steps in which the load grows to all of it. With four times as many, a wall of 150 and a dome of 140
             bricks do the same at every tilt that was tried.
         damping: see `sim.coulomb.kernel.advance`.
+        wears: steps after the ramp in which damping wears off by half; after eight times as many it begins anew.
+            Damping settles what stands. Through what rattles in its contacts it also slows down what falls.
         gone: a contact that opens or slides by so many times what the springs give has gone, and it falls. What
             contacts really give is about a micrometre.
         balanced: what rests: force that nothing balances, relative to the load, and speed per step, relative to what
@@ -30,6 +32,7 @@ class Course:
 
     ramp: int = 4000
     damping: float = 0.5
+    wears: int = 5000
     gone: float = 3e3
     balanced: float = 1e-6
     most: int = 200_000
@@ -89,7 +92,8 @@ def settle(springs: Springs, wrenches: Array, course: Course = COURSE, after: Se
     steps, outcome = 0, SettlingOutcome.UNDECIDED
     seen = _Seen.of(springs, load, state, 0.0)
     while outcome is SettlingOutcome.UNDECIDED and steps < course.most:
-        advance(springs.contacts, before, load, state, steps, course.look, course.ramp, course.damping, VISCOSITY)
+        damping = course.damping * 0.5 ** (max(0, steps - course.ramp) / course.wears % 8)
+        advance(springs.contacts, before, load, state, steps, course.look, course.ramp, damping, VISCOSITY)
         steps += course.look
         seen = _Seen.of(springs, load, state, 1.0 if after is not None else min(1.0, steps / course.ramp))
         outcome = _outcome(seen, steps, course)
