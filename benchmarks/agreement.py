@@ -1,14 +1,15 @@
-"""Statics against MuJoCo: the same verdict wherever the critical tilt is not close, on random and designed assemblies.
+"""Statics against physics: the same verdict wherever the critical tilt is not close, on random and designed assemblies.
 
-Each row lets an assembly go just below and just above its critical tilt by statics. A row that disagrees is
-experimented on for its cause (see `sim.disagreement`).
+Each row tells what an assembly does just below and just above its critical tilt by statics: without friction in MuJoCo,
+where a row that disagrees is experimented on for its cause (see `sim.disagreement`); with friction in the engine of
+`sim.coulomb`, on the ground that tilts on.
 """
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -29,6 +30,9 @@ from mocca_robot.statics.solution import Status
 from mocca_robot.verdicts.agreement import agree
 from mocca_robot.verdicts.physics import Verdict
 from planners.cone_joints.designer import design
+from sim.coulomb.judge import Rubbing, rubbing
+from sim.coulomb.settle import SettlingOutcome
+from sim.coulomb.tilting import tilt_bracket
 from sim.disagreement import cause
 from sim.scene import with_gravity
 from sim.shapes.contact_model import contact_model, telling_rays
@@ -46,7 +50,7 @@ CONFIG_FRICTIONS = (0.0, 0.3)
 
 @dataclass(frozen=True)
 class Probe:
-    """Both verdicts at one tilt (radians) towards the case's azimuth; `reason` is MuJoCo's evidence."""
+    """Both verdicts at one tilt (radians) towards the case's azimuth; `reason` is physics' evidence."""
 
     tilt_rad: float
     statics: Status
@@ -128,7 +132,7 @@ def _rows(
         yield Measurement(
             bench=bench,
             case="all",
-            tool="statics|mujoco",
+            tool="statics|physics",
             seconds=total,
             repeats=1,
             verdict=told,
@@ -146,7 +150,7 @@ def _row(case: tuple[str, str, Callable[[], Comparison | str]]) -> Measurement:
     return Measurement(
         bench=bench,
         case=name,
-        tool="statics|mujoco",
+        tool="statics|physics",
         seconds=seconds,
         repeats=1,
         verdict=words,
@@ -210,11 +214,14 @@ def compared(assembly: Assembly, friction: float, azimuth_rad: float) -> Compari
     else:
         around = [azimuth_rad + k * np.pi / 4 for k in range(0, 8, 4 if assembly.dimension == 2 else 1)]
         angles = [] if Status.EQUILIBRIUM in {statics(limit, a) for a in around} else [0.0]
-    rays = telling_rays(assembly, report.contacts, friction)
+    if friction > 0.0:
+        expectations = [(a, statics(a)) for a in angles]
+        return Comparison(critical, friction, _rubbed(rubbing(graph, friction), azimuth_rad, critical, expectations))
+    rays = telling_rays(assembly, report.contacts)
     if rays is None:
-        compiled = tilt_scene(assembly, contact_model(assembly, report.contacts, friction), friction)
+        compiled = tilt_scene(assembly, contact_model(assembly, report.contacts))
     else:
-        compiled = detailed_scene(graph, rays, azimuth_rad, critical, friction)
+        compiled = detailed_scene(graph, rays, azimuth_rad, critical)
     probes = []
     why = ""
     for angle in angles:
@@ -223,5 +230,25 @@ def compared(assembly: Assembly, friction: float, azimuth_rad: float) -> Compari
         run = judged(tilted, doubted=expected == Status.EQUILIBRIUM)
         probes.append(Probe(angle, expected, run.verdict, run.reason))
         if not probes[-1].agrees:
-            why = cause(graph, case_at(assembly, angle, azimuth_rad), tilted, run)
+            why = cause(tilted, run)
     return Comparison(critical, friction, tuple(probes), why)
+
+
+def _rubbed(
+    rubs: Rubbing, azimuth_rad: float, critical_rad: float, angles: Sequence[tuple[float, Status]]
+) -> tuple[Probe, ...]:
+    """Return the probes with friction from where the ground that tilts on makes it fall; angles go with statics."""
+    if not angles:
+        return ()
+    found = tilt_bracket(rubs, azimuth_rad, critical_rad)
+    stood = -1.0 if found.stood is None else found.stood.angle_rad
+    told = f"critical tilt {np.rad2deg(found.critical_rad):.2f}°"
+
+    def physics(angle: float) -> Verdict:
+        if angle <= stood:
+            return Verdict.STANDS
+        fell = found.fell
+        decided = fell is not None and fell.standing.settled.outcome is SettlingOutcome.FALLS
+        return Verdict.FELL if fell is not None and decided and angle >= fell.angle_rad else Verdict.FAILED
+
+    return tuple(Probe(a, expected, physics(a), told) for a, expected in angles)

@@ -47,8 +47,8 @@ together. Memory starts at about 100 MB for Python and its libraries, which flat
 PROFILE_TEXT = """Own time of each room of the programme, time in libraries counted for the room that calls them:
 contacts, design and verification of three configurations on one thread, under a profiler (which slows small
 functions down)."""
-AGREEMENT_TEXT = """Assemblies judged by statics and by MuJoCo just below and just above their critical tilt.
-*near*: too close to falling upright to tell. Where they disagree, experiments say why. Of them all:"""
+AGREEMENT_TEXT = """Assemblies judged by statics and by physics (MuJoCo without friction, the friction engine with
+it) just below and just above their critical tilt. *near*: too close to falling upright to tell. Of them all:"""
 
 INSERTIONS_TEXT = """Every part driven home by a compliant hand along directions that cover its cone: with an exact grip
 at three clearances, with the grip off by 0.5 mm or 1°, and with the earlier parts left free. *Allowed* is 5 % of the

@@ -99,7 +99,7 @@ def _scene(assembly: Assembly) -> Compiled:
     contacts = graph.contacts
     rays = telling_rays(assembly, contacts, 0.0)
     if rays is None:
-        return tilt_scene(assembly, contact_model(assembly, contacts, 0.0), 0.0)
+        return tilt_scene(assembly, contact_model(assembly, contacts))
     return detailed_scene(graph, rays, 0.0, critical_tilt(graph, 0.0, 0.0))
 
 

@@ -1,4 +1,7 @@
-"""What physics says: MuJoCo as a judge of the finished geometry; statics only tells it where to look first."""
+"""What physics says of the finished geometry: MuJoCo without friction, springs with Coulomb friction with it.
+
+Statics tells them where to look first.
+"""
 
 import sim.engine  # noqa: F401  isort: skip  (first: it says what keeps MuJoCo from starting)
 from mocca_robot.verdicts.physics import Simulation

@@ -13,7 +13,10 @@ from scipy.stats import norm
 
 from mocca_robot.errors import InputError
 from mocca_robot.motion.parts_graph import PartsGraph
-from mocca_robot.verdicts.physics import Robustness
+from mocca_robot.statics.cases import case_at
+from mocca_robot.verdicts.physics import Robustness, Verdict
+from sim.coulomb.judge import rubbing, standing
+from sim.coulomb.verdicts import VERDICTS, reason
 from sim.insertion.directions import Direction, insertion_cone
 from sim.insertion.hand import HandOptions, PlacingError
 from sim.insertion.trial import insert
@@ -101,11 +104,11 @@ def robust_trial(
     parts = tuple(replace(p, density=p.density * f) for p, f in zip(assembly.parts, factors))
     drawn = replace(assembly, parts=parts)
     row: Row = {"friction": friction, "clearance": clearance, "failure": ""}
-    found = stability(free_scene(drawn, contact_model(drawn, contacts, friction), friction=friction))
-    if not found.stands:
-        return {**row, "failure": f"structure {found.verdict}: {found.reason}", "kind": f"structure {found.verdict}"}
+    placed = PartsGraph.of(drawn, contacts, graph.chosen)
+    verdict, why = _let_go(placed, friction)
+    if verdict is not Verdict.STANDS:
+        return {**row, "failure": f"structure {verdict}: {why}", "kind": f"structure {verdict}"}
     if options.insert:
-        placed = PartsGraph.of(drawn, contacts, graph.chosen)
         resting = pieces(drawn, contacts) if drawn.dimension == 2 else None
         for index, part in enumerate(drawn.parts):
             if part.fixed:
@@ -120,6 +123,16 @@ def robust_trial(
             if not trial.succeeded:
                 return {**row, "failure": f"{part.name}: {trial.reason}", "kind": f"insertion of {part.name}"}
     return row
+
+
+def _let_go(graph: PartsGraph, friction: float) -> tuple[Verdict, str]:
+    """Return whether the finished assembly stands, and why."""
+    assembly = graph.assembly
+    if friction == 0.0:
+        found = stability(free_scene(assembly, contact_model(assembly, graph.contacts)))
+        return found.verdict, found.reason
+    upright = standing(rubbing(graph, friction), case_at(assembly, 0.0, 0.0))
+    return VERDICTS[upright.settled.outcome], reason(upright)
 
 
 def robustness(rows: Sequence[Mapping[str, Any]], options: RobustOptions) -> Robustness:

@@ -162,16 +162,11 @@ def with_gravity(compiled: Compiled, gravity: Array) -> Compiled:
     return Compiled(replace(compiled.scene, gravity=gravity), model, compiled.parts, compiled.qpos, compiled.dof)
 
 
-def with_timestep(compiled: Compiled, timestep: float, contact_steps: float | None = None) -> Compiled:
-    """Return the same model with another step (s) and contacts stiffer or softer in proportion to its square.
-
-    `contact_steps` is the contacts' time constant in steps; by default it stays.
-    """
+def with_timestep(compiled: Compiled, timestep: float) -> Compiled:
+    """Return the same model with another step (s) and contacts stiffer or softer in proportion to its square."""
     import copy
 
-    settings = compiled.scene.settings
-    in_steps = settings.contact_steps if contact_steps is None else contact_steps
-    scene = replace(compiled.scene, settings=replace(settings, timestep=timestep, contact_steps=in_steps))
+    scene = replace(compiled.scene, settings=replace(compiled.scene.settings, timestep=timestep))
     model = copy.copy(compiled.model)
     model.opt.timestep = timestep
     model.geom_solref[:] = scene.settings.solref

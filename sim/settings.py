@@ -8,11 +8,6 @@ import numpy as np
 
 from mocca_robot.assembly import Assembly
 
-SLIDING_STEPS = 4.0
-"""Time constant, in steps, of contacts that slide while falls are confirmed. MuJoCo's convex friction lifts what slides
-by μ times the way. With two steps that is more than the contact gives: the part falls freely for a step, touches, is
-lifted again, and so creeps by g Δt where parts wedge that hold. With four it stays in touch; the smaller steps of a
-confirmation make up for the softness."""
 LARGE = 60
 """Free parts from which the step is doubled: verdicts stay the same and a dome takes half the time."""
 
@@ -23,7 +18,7 @@ class Settings:
 
     Attributes:
         timestep: seconds.
-        contact_steps: time constant of contacts, in steps: two are the stiffest that stay stable; see `SLIDING_STEPS`.
+        contact_steps: time constant of contacts, in steps: two are the stiffest that stay stable.
         iterations, tolerance: of Newton's method; a run that needs all iterations is rejected, because divergence
             otherwise shows no warning.
         solimp: impedance 0.99 … 0.9999 over 0.1 mm: with MuJoCo's own values critical tilts are 1° off, and with

@@ -22,12 +22,13 @@ from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import LoadCase, state_cases
 from mocca_robot.statics.solution import Status
 from mocca_robot.verdicts.physics import PartInsertion, Simulation
+from sim.coulomb.judge import MOST_POINTS, corners, rubbing
+from sim.coulomb.verdicts import ENGINE
 from sim.insertion.directions import Direction, InsertionCone, directions, insertion_cone
 from sim.insertion.hand import PlacingError
 from sim.insertion.trial_scene import resting_model
 from sim.questions import TILT_FRICTIONS, Questions
 from sim.robust import robust_trials, robustness
-from sim.scene import Compiled
 from sim.shapes.contact_model import ContactModel, PairRays, contact_model, telling_rays
 from sim.stability import LIMITS
 from sim.tilt import azimuths, tilt_scene
@@ -35,6 +36,8 @@ from sim.trial_rows import (
     Carried,
     detailed_tilt_row,
     insertion_rows,
+    rubbing_state_row,
+    rubbing_tilt_row,
     state_of,
     state_row,
     tilt_of,
@@ -43,7 +46,7 @@ from sim.trial_rows import (
 )
 from sim.trial_store import Row, Trial, TrialStore, run_trials
 
-METHOD = {"state": 12, "tilt": 12, "insert": 14, "robust": 14}
+METHOD = {"state": 12, "tilt": 12, "insert": 14, "robust": 15}
 """Raise what a trial's verdict is reached by in another way: trials kept from before then run again."""
 MANY_RUNS = 60
 """About how many insertions make up for starting processes: each step of theirs runs Python, which threads share."""
@@ -153,49 +156,61 @@ class _Work:
         return so_far
 
     def states(self, so_far: Simulation) -> _Stage:
-        touching = self._touching(self.ask.friction)
+        friction = self.ask.friction
+        find_out = self._states(friction)
         trials = [
             Trial(
                 f"state {case.name.removeprefix('state_')}",
-                (*self._identity("state"), case.name, self.ask.friction),
-                partial(state_row, self.graph, touching, case, self.ask.friction),
+                (*self._identity("state", friction), case.name, friction),
+                find_out(case),
             )
             for case in state_cases(self.graph)
         ]
 
         def told(s: Simulation, rows: Sequence[Row]) -> Simulation:
-            return replace(s, states=tuple(state_of(r, self.ask.friction) for r in rows))
+            return replace(s, states=tuple(state_of(r, friction) for r in rows))
 
         return _Stage(trials, told)
 
     def tilt(self, so_far: Simulation) -> _Stage:
         frictions = sorted({*(self.ask.tilt_frictions or TILT_FRICTIONS), self.ask.friction})
-        prepared: dict[float, Compiled | Sequence[PairRays]] = {}
         notes: list[str] = []
+        trials: list[Trial] = []
         for mu in frictions:
-            found = self._touching(mu)
             unasked = self.ask.tilt_frictions is None and mu not in (0.0, self.ask.friction)
-            if unasked and _contact_points(found) > LIMITS.finest_points:
+            if unasked and corners(self.graph) > MOST_POINTS:
                 notes.append(_left_out(mu))
-            else:
-                prepared[mu] = tilt_scene(self.assembly, found, mu) if isinstance(found, ContactModel) else found
-        trials = [
-            Trial(
-                f"tilt {np.rad2deg(a):.0f}°, friction {mu:g}",
-                (*self._identity("tilt"), float(a), mu),
-                partial(tilt_row, ready, self.graph, float(a))
-                if isinstance(ready, Compiled)
-                else partial(detailed_tilt_row, self.graph, ready, float(a), mu),
-                takes_long=mu > 0.0,
-            )
-            for mu, ready in prepared.items()
-            for a in azimuths(self.assembly, self.ask.azimuths)
-        ]
+                continue
+            find_out = self._tilts(mu)
+            trials += [
+                Trial(
+                    f"tilt {np.rad2deg(a):.0f}°, friction {mu:g}",
+                    (*self._identity("tilt", mu), float(a), mu),
+                    find_out(float(a)),
+                    takes_long=mu > 0.0,
+                )
+                for a in azimuths(self.assembly, self.ask.azimuths)
+            ]
 
         def told(s: Simulation, rows: Sequence[Row]) -> Simulation:
             return replace(s, tilt=tuple(tilt_of(r) for r in rows), notes=(*s.notes, *notes))
 
         return _Stage(trials, told)
+
+    def _states(self, friction: float) -> Callable[[LoadCase], Callable[[], Row]]:
+        """Return what makes, of a state, a function that finds out whether it stands."""
+        if friction > 0.0:
+            return partial(partial, rubbing_state_row, rubbing(self.graph, friction))
+        return partial(partial, state_row, self.graph, self._touching(0.0))
+
+    def _tilts(self, friction: float) -> Callable[[float], Callable[[], Row]]:
+        """Return what makes, of an azimuth, a function that finds out the critical tilt."""
+        if friction > 0.0:
+            return partial(partial, rubbing_tilt_row, rubbing(self.graph, friction))
+        touching = self._touching(0.0)
+        if isinstance(touching, ContactModel):
+            return partial(partial, tilt_row, tilt_scene(self.assembly, touching), self.graph)
+        return partial(partial, detailed_tilt_row, self.graph, touching)
 
     def insertion(self, so_far: Simulation) -> _Stage:
         resting = resting_model(self.assembly, self.contacts)
@@ -304,21 +319,17 @@ class _Work:
             )
         return self._touching_at[friction]
 
-    def _identity(self, kind: str) -> tuple[str, str, str]:
+    def _identity(self, kind: str, friction: float = 0.0) -> tuple[str, str, str]:
+        """Return what a trial's row depends on: with friction, states and tilts have an engine of their own."""
         import mujoco
 
-        return kind, self.hash, f"mujoco {mujoco.__version__}, method {METHOD[kind]}"
-
-
-def _contact_points(touching: ContactModel | Sequence[PairRays]) -> int:
-    if isinstance(touching, ContactModel):
-        return len(touching.pairs or ())
-    return sum(int(r.kept.sum()) for r in touching)
+        engine = ENGINE if friction > 0.0 else f"mujoco {mujoco.__version__}, method {METHOD[kind]}"
+        return kind, self.hash, engine
 
 
 def _left_out(friction: float) -> str:
     return (
-        f"the tilt table with friction {friction:g} is left out: with so many contact points it takes hours; "
+        f"the tilt table with friction {friction:g} is left out: with so many contact points it takes many minutes; "
         f"--friction {friction:g} asks for it"
     )
 

@@ -11,7 +11,7 @@ from mocca_robot.assembly import Assembly
 from mocca_robot.verdicts.physics import Verdict
 from sim.motion import Motion, reach, run
 from sim.scene import Compiled, Scene, compile_scene, predict, with_timestep
-from sim.settings import SLIDING_STEPS, settings_for
+from sim.settings import settings_for
 from sim.shapes.contact_model import ContactModel
 
 SHORTEST_FALL_S = 0.02
@@ -136,8 +136,8 @@ def confirmed(
 
     A fall is `doubted` where statics knows forces that hold. Then it has to survive all the finer steps and the
     finest, and must not be a creep that gets slower with the step: what falls takes equally long with every step;
-    what only creeps, because MuJoCo's friction resists speeds, not displacements, takes n times longer with 1/n of the
-    step and in the limit of small steps stands. The border is √n.
+    what only creeps, because contacts give, takes n times longer with 1/n of the step and in the limit of small steps
+    stands. The border is √n.
     """
     first = found
     for divisor in limits.finer:
@@ -175,9 +175,7 @@ def contact_points(compiled: Compiled) -> int:
 
 
 def _finer(compiled: Compiled, divisor: float) -> Compiled:
-    settings = compiled.scene.settings
-    in_steps = SLIDING_STEPS if settings.friction > 0.0 else settings.contact_steps
-    return with_timestep(compiled, settings.timestep / divisor, in_steps)
+    return with_timestep(compiled, compiled.scene.settings.timestep / divisor)
 
 
 def _ends_early(limits: StabilityLimits) -> StabilityLimits:

@@ -1,4 +1,4 @@
-"""Every intermediate assembly of the sequence: what physics says, beside what statics says."""
+"""Every intermediate assembly of the sequence without friction: what MuJoCo says, beside what statics says."""
 
 from __future__ import annotations
 
@@ -20,25 +20,24 @@ def state_verdict(
     graph: PartsGraph,
     model: ContactModel,
     case: LoadCase,
-    friction: float = 0.0,
     limits: StabilityLimits = LIMITS,
 ) -> StateVerdict:
     """Return both verdicts on one state of `mocca_robot.statics.loads.state_cases`."""
     assembly = graph.assembly
-    scene = free_scene(assembly, model, present=case.present, held=case.held, gravity=case.gravity, friction=friction)
-    statics = solve_case(graph, case, friction)
+    scene = free_scene(assembly, model, present=case.present, held=case.held, gravity=case.gravity)
+    statics = solve_case(graph, case)
     compiled = compile_scene(scene)
     holds = statics.result.status is Status.EQUILIBRIUM
     found = judged(compiled, limits, doubted=holds)
     doubt = holds and found.verdict is Verdict.FELL
-    why = cause(graph.among(np.flatnonzero(case.present).tolist()), case, compiled, found) if doubt else ""
+    why = cause(compiled, found) if doubt else ""
     placed = assembly.parts[int(np.flatnonzero(case.present).max())].name
     times, poses, names = _recorded(assembly, found)
     return StateVerdict(
         placed=placed,
         verdict=found.verdict,
         statics=statics.result.status,
-        friction=friction,
+        friction=0.0,
         reason=found.reason,
         moved=found.moved,
         statics_moved=statics.moving,

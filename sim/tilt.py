@@ -1,4 +1,4 @@
-"""The tilt table: by how much can the ground tilt towards an azimuth before something moves?"""
+"""The tilt table without friction: by how much can the ground tilt towards an azimuth before something moves?"""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def azimuths(assembly: Assembly, count: int) -> Array:
     return tilt_azimuths(assembly.dimension, count)
 
 
-def tilt_scene(assembly: Assembly, model: ContactModel, friction: float = 0.0) -> Compiled:
+def tilt_scene(assembly: Assembly, model: ContactModel) -> Compiled:
     """Return the finished assembly, compiled once for all tilts."""
-    return compile_scene(free_scene(assembly, model, friction=friction))
+    return compile_scene(free_scene(assembly, model))
 
 
 def detailed_scene(
@@ -57,20 +57,19 @@ def detailed_scene(
     rays: Sequence[PairRays],
     azimuth_rad: float,
     critical_rad: float,
-    friction: float = 0.0,
 ) -> Compiled:
     """Return the finished assembly with contact points for one azimuth, at which statics' critical tilt is given."""
     assembly = graph.assembly
     if critical_rad == 0.0:  # nothing to hold
-        return tilt_scene(assembly, facet_pairs(r.reduced for r in rays), friction)
+        return tilt_scene(assembly, facet_pairs(r.reduced for r in rays))
     case = case_at(assembly, max(0.0, critical_rad - HELD_BELOW_RAD), azimuth_rad)
-    return tilt_scene(assembly, holding_model(graph, rays, case, friction), friction)
+    return tilt_scene(assembly, holding_model(graph, rays, case))
 
 
-def detailed_tilt(graph: PartsGraph, rays: Sequence[PairRays], azimuth_rad: float, friction: float) -> TiltVerdict:
+def detailed_tilt(graph: PartsGraph, rays: Sequence[PairRays], azimuth_rad: float) -> TiltVerdict:
     """Return the critical tilt of an assembly of so many contact points that they are chosen for this azimuth."""
-    guess = critical_tilt(graph, azimuth_rad, friction)
-    compiled = detailed_scene(graph, rays, azimuth_rad, guess, friction)
+    guess = critical_tilt(graph, azimuth_rad)
+    compiled = detailed_scene(graph, rays, azimuth_rad, guess)
     return physical_tilt(compiled, graph, azimuth_rad, guess_rad=guess)
 
 
@@ -95,10 +94,9 @@ def physical_tilt(
     from the least tilt that agrees, in steps of `DOUBTED_RESOLUTION`. What then disagrees is told with its cause.
     """
     scene = compiled.scene
-    friction = scene.settings.friction
     if resolution_rad is None:
         resolution_rad = float(RESOLUTION if contact_points(compiled) <= limits.finest_points else COARSE_RESOLUTION)
-    guess = critical_tilt(graph, azimuth_rad, friction) if guess_rad is None else guess_rad
+    guess = critical_tilt(graph, azimuth_rad) if guess_rad is None else guess_rad
     quick: dict[float, StabilityReport] = {}
     sure: dict[float, StabilityReport] = {}
     doubted: dict[float, StabilityReport] = {}
@@ -141,19 +139,18 @@ def physical_tilt(
             azimuth_rad=azimuth_rad,
             critical_rad=np.pi / 2,
             statics_rad=guess,
-            friction=friction,
+            friction=0.0,
             moved=moved,
             failed=failed,
         )
     why = ""
     if early(high) and sure[high].verdict is Verdict.FELL:
-        case = case_at(scene.assembly, high, azimuth_rad)
-        why = cause(graph, case, scene_at(high), sure[high])
+        why = cause(scene_at(high), sure[high])
     return TiltVerdict(
         azimuth_rad=azimuth_rad,
         critical_rad=0.5 * (low + high),
         statics_rad=guess,
-        friction=friction,
+        friction=0.0,
         moved=moved,
         failed=failed,
         within_rad=0.5 * (high - low),

@@ -10,6 +10,9 @@ from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import LoadCase
 from mocca_robot.statics.solution import Status
 from mocca_robot.verdicts.physics import InsertionTrial, StateVerdict, TiltVerdict, Verdict
+from sim import states
+from sim.coulomb import verdicts
+from sim.coulomb.judge import Rubbing
 from sim.insertion.directions import Direction, InsertionCone
 from sim.insertion.hand import PlacingError
 from sim.insertion.trial import insert
@@ -17,35 +20,36 @@ from sim.insertion.trial_scene import insertion_scene
 from sim.questions import Questions
 from sim.scene import Compiled
 from sim.shapes.contact_model import ContactModel, PairRays, holding_model
-from sim.states import state_verdict
 from sim.tilt import detailed_tilt, physical_tilt
 from sim.trial_store import Row
 
 Result = TypeVar("Result", StateVerdict, TiltVerdict, InsertionTrial)
 
 
-def state_row(
-    graph: PartsGraph,
-    touching: ContactModel | Sequence[PairRays],
-    case: LoadCase,
-    friction: float,
-) -> Row:
-    """Return whether the state of `case` stands; `touching` as `simulate` prepares it."""
-    if isinstance(touching, ContactModel):
-        model = touching
-    else:
-        model = holding_model(graph, touching, case, friction)
-    return asdict(state_verdict(graph, model, case, friction))
+def state_row(graph: PartsGraph, touching: ContactModel | Sequence[PairRays], case: LoadCase) -> Row:
+    """Return whether the state of `case` stands without friction; `touching` as `simulate` prepares it."""
+    model = touching if isinstance(touching, ContactModel) else holding_model(graph, touching, case)
+    return asdict(states.state_verdict(graph, model, case))
+
+
+def rubbing_state_row(rubs: Rubbing, case: LoadCase) -> Row:
+    """Return whether the state of `case` stands with friction."""
+    return asdict(verdicts.state_verdict(rubs, case))
 
 
 def tilt_row(compiled: Compiled, graph: PartsGraph, azimuth: float) -> Row:
-    """Return the critical tilt of a compiled assembly towards one azimuth (rad)."""
+    """Return the critical tilt of a compiled assembly without friction towards one azimuth (rad)."""
     return asdict(physical_tilt(compiled, graph, azimuth))
 
 
-def detailed_tilt_row(graph: PartsGraph, rays: Sequence[PairRays], azimuth: float, friction: float) -> Row:
+def detailed_tilt_row(graph: PartsGraph, rays: Sequence[PairRays], azimuth: float) -> Row:
     """Return the same with contact points that are chosen for this azimuth."""
-    return asdict(detailed_tilt(graph, rays, azimuth, friction))
+    return asdict(detailed_tilt(graph, rays, azimuth))
+
+
+def rubbing_tilt_row(rubs: Rubbing, azimuth: float) -> Row:
+    """Return the critical tilt with friction towards one azimuth (rad)."""
+    return asdict(verdicts.tilt_verdict(rubs, azimuth))
 
 
 @dataclass(frozen=True, eq=False)

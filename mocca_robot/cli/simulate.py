@@ -1,4 +1,4 @@
-"""`mocca-robot simulate`: what MuJoCo says about a design, or about parts as they are."""
+"""`mocca-robot simulate`: what physics says about a design, or about parts as they are."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mocca_robot.assembly import Assembly
     from sim.questions import Questions
 
-DESCRIPTION = """Asks MuJoCo about a design, or about parts as they are: whether every state of the sequence stands, at
+DESCRIPTION = """Asks physics about a design, or about parts as they are: whether every state of the sequence stands, at
 which tilt it falls, and whether every part goes in along all directions of its cone. Results go to simulation.json and
 report.html beside the design. Without --states, --tilt, --insert or --robust, it does the first three."""
 
@@ -23,7 +23,7 @@ report.html beside the design. Without --states, --tilt, --insert or --robust, i
 def add(commands: Any) -> None:
     """Add the command."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "simulate", help="ask MuJoCo: states, tilt table, insertions, robustness", description=DESCRIPTION
+        "simulate", help="ask physics: states, tilt table, insertions, robustness", description=DESCRIPTION
     )
     arguments.add_input(parser, "X")
     parser.add_argument("-o", "--output", metavar="DIR", help="folder for the results (default: beside the design)")
@@ -117,12 +117,14 @@ def _film(assembly: Assembly, friction: float, path: Path) -> Path:
 
     from mocca_robot.motion.parts_graph import PartsGraph
     from mocca_robot.statics.cases import critical_tilt
+    from sim.scene import compile_scene
     from sim.shapes.contact_model import contact_model
     from sim.show.film import platform_motion, write_film
-    from sim.tilt import tilt_scene
+    from sim.stability import free_scene
 
     graph = PartsGraph.of(assembly)
-    compiled = tilt_scene(assembly, contact_model(assembly, graph.contacts, friction), friction)
+    model = contact_model(assembly, graph.contacts, friction)
+    compiled = compile_scene(free_scene(assembly, model, friction=friction))
     angle = min(pi / 2, critical_tilt(graph, 0.0, friction) + radians(5.0))
     return write_film(compiled.scene, platform_motion(compiled, 0.0, angle), path)
 

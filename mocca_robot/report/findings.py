@@ -11,7 +11,7 @@ from mocca_robot.assembly import Interlocking, SupportFree
 from mocca_robot.report.data import ReportData
 from mocca_robot.statics.cases import CaseVerdict
 from mocca_robot.statics.solution import Status
-from mocca_robot.verdicts.agreement import Kind, Remark, agree, called, gaps_rad, remarks
+from mocca_robot.verdicts.agreement import Remark, agree, called, gaps_rad, remarks
 from mocca_robot.verdicts.physics import StateVerdict, Verdict
 
 
@@ -84,11 +84,6 @@ def disagreements(data: ReportData) -> tuple[str, ...]:
     return tuple(found)
 
 
-def below_bound(data: ReportData) -> tuple[str, ...]:
-    """Return the tilts with friction at which physics lets the structure fall before statics must, in words."""
-    return tuple(r.text for r in _remarks(data) if r.kind is Kind.BOUND)
-
-
 def _remarks(data: ReportData) -> tuple[Remark, ...]:
     if data.simulation is None:
         return ()
@@ -97,7 +92,7 @@ def _remarks(data: ReportData) -> tuple[Remark, ...]:
 
 
 def tilt_gaps(data: ReportData) -> tuple[float, ...]:
-    """Return how far apart, radians, statics and physics may be at most on every tilt; bounds are left out."""
+    """Return how far apart, radians, statics and physics may be at most on every tilt."""
     return gaps_rad(data.simulation.tilt) if data.simulation else ()
 
 

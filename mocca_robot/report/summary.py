@@ -8,7 +8,7 @@ import numpy as np
 
 from mocca_robot.assembly import Goal, Interlocking, Lateral, SupportFree
 from mocca_robot.report.data import ReportData
-from mocca_robot.report.findings import below_bound, disagreements, smallest_tilt, states, tilt_gaps
+from mocca_robot.report.findings import disagreements, smallest_tilt, states, tilt_gaps
 from mocca_robot.report.markup import degrees, esc, listed, plural, significant
 from mocca_robot.statics.cases import CaseVerdict
 from mocca_robot.verdicts.verification import Verification
@@ -162,8 +162,6 @@ def _physics(data: ReportData) -> str:
         return card("bad", question, "Disagrees", f"{words}. See the list below.")
     if not said:
         return card("none", question, "Nothing compared", "The simulation holds no states, tilts or insertions.")
-    if bounded := below_bound(data):
-        words += f"; for {plural(len(bounded), 'tilt')} with friction statics is an upper bound only, see below"
     return card("ok", question, "Agrees", f"{words}.")
 
 
@@ -189,7 +187,7 @@ def _margin(data: ReportData) -> str:
 
 
 def _alarm(data: ReportData) -> str:
-    found, bounded = disagreements(data), below_bound(data)
+    found = disagreements(data)
     out = ""
     told = [text for text in data.negative if text not in found]
     if told:
@@ -201,12 +199,4 @@ def _alarm(data: ReportData) -> str:
         items = "".join(f"<li>{esc(d)}</li>" for d in found)
         head = f"{plural(len(found), 'disagreement')} between independent checks"
         out += f'<section class="alarm" id="disagreements" role="alert"><h2>{head}</h2><ul>{items}</ul></section>'
-    if bounded:
-        items = "".join(f"<li>{esc(d)}</li>" for d in bounded)
-        head = f"With friction, statics is an upper bound for {plural(len(bounded), 'tilt')}"
-        why = (
-            "It counts on friction forces that Coulomb's law allows and that nothing need bring about: go by MuJoCo. "
-            "What experiments say of the cause stands with each."
-        )
-        out += f'<section class="aside" id="upper-bounds"><h2>{head}</h2><p>{why}</p><ul>{items}</ul></section>'
     return out

@@ -45,8 +45,6 @@ class Kind(StrEnum):
     """A part does not go in along a way inside its cone."""
     UNDECIDED = "undecided"
     """Statics gave no verdict on a state."""
-    BOUND = "bound"
-    """Physics falls earlier than statics with friction, which is no more than an upper bound there."""
 
 
 HELD = frozenset({Kind.DISAGREEMENT, Kind.FALLS, Kind.INACCURATE, Kind.JAMS})
@@ -106,10 +104,9 @@ def remarks(
 
 
 def contradictions(assembly: Assembly, simulation: Simulation) -> tuple[str, ...]:
-    """Return where physics and statics differ on states and tilts, in words; also where statics is a bound only."""
+    """Return where physics and statics differ on states and tilts, in words."""
     found = remarks(assembly, simulation)
-    told = [r for r in found if not isinstance(r.about, PartInsertion)]
-    return tuple(r.text for r in told if r.contradicts or r.kind is Kind.BOUND)
+    return tuple(r.text for r in found if r.contradicts and not isinstance(r.about, PartInsertion))
 
 
 def agree(physics: Verdict, statics: Status | None) -> bool | None:
@@ -128,19 +125,9 @@ def tilts_apart(tilt: TiltVerdict, dimension: int) -> bool:
     return abs(critical - statics) - within > TILT_AGREEMENT_DEG[dimension]
 
 
-def only_bounded(tilt: TiltVerdict) -> bool:
-    """Return whether physics says less than statics of a tilt with friction, and experiments looked for the cause.
-
-    That forces exist that Coulomb's law allows is necessary for rest, not sufficient: nothing need bring them about,
-    so that statics bounds such a tilt from above and both can be right. Without friction they are the only ones.
-    """
-    early = tilt.critical_rad < tilt.statics_rad
-    return early and tilt.friction > 0.0 and bool(tilt.cause) and not tilt.failed
-
-
 def gaps_rad(tilts: Iterable[TiltVerdict]) -> tuple[float, ...]:
-    """Return how far apart both are at most, radians, on every tilt of which statics is more than a bound."""
-    return tuple(t.apart_rad for t in tilts if not only_bounded(t))
+    """Return how far apart physics and statics are at most, radians, on every tilt."""
+    return tuple(t.apart_rad for t in tilts)
 
 
 def towards(azimuth_rad: float, dimension: int) -> str:
@@ -153,7 +140,7 @@ def towards(azimuth_rad: float, dimension: int) -> str:
 def called(engine: str) -> str:
     """Return an engine's name without its version, as people write it."""
     name = engine.split(" ")[0]
-    return "MuJoCo" if name in ("", "mujoco") else name
+    return {"": "MuJoCo", "mujoco": "MuJoCo", "coulomb": "the friction engine"}.get(name, name)
 
 
 def _statics(simulation: Simulation, states: Sequence[CaseVerdict]) -> dict[str, Status]:
@@ -183,9 +170,8 @@ def _tilts_apart(assembly: Assembly, simulation: Simulation) -> Iterator[Remark]
             text = f"{len(tilt.failed)} of {engine}'s runs gave no verdict at a {words}."
             yield Remark(kind=Kind.DISAGREEMENT, about=tilt, text=text, contradicts=True)
         elif tilts_apart(tilt, assembly.dimension):
-            text, bound = f"{engine} and statics disagree on the {words}{_because(tilt)}.", only_bounded(tilt)
-            kind = Kind.BOUND if bound else Kind.DISAGREEMENT
-            yield Remark(kind=kind, about=tilt, text=text, contradicts=not bound)
+            text = f"{_begun(engine)} and statics disagree on the {words}{_because(tilt)}."
+            yield Remark(kind=Kind.DISAGREEMENT, about=tilt, text=text, contradicts=True)
 
 
 def _tilt_words(assembly: Assembly, simulation: Simulation, tilt: TiltVerdict) -> str:
@@ -196,6 +182,11 @@ def _tilt_words(assembly: Assembly, simulation: Simulation, tilt: TiltVerdict) -
         f"tilt towards {where} (friction {tilt.friction:g}): {np.rad2deg(tilt.critical_rad):.2f}° in "
         f"{called(simulation.engine_of(tilt))}, {np.rad2deg(tilt.statics_rad):.2f}° by statics"
     )
+
+
+def _begun(words: str) -> str:
+    """Return words as a sentence begins with them."""
+    return words[:1].upper() + words[1:]
 
 
 def _because(verdict: StateVerdict | TiltVerdict) -> str:
@@ -220,7 +211,7 @@ def _silent(simulation: Simulation) -> Iterator[Remark]:
     for state in simulation.states:
         if state.verdict is Verdict.FAILED:
             engine, why = called(simulation.engine_of(state)), state.reason or "the run failed"
-            text = f"{engine} gave no verdict after placing '{state.placed}': {why}."
+            text = f"{_begun(engine)} gave no verdict after placing '{state.placed}': {why}."
             case = f"state_{state.placed}"
             yield Remark(kind=Kind.INACCURATE, about=state, text=text, contradicts=True, case=case)
 

@@ -16,12 +16,15 @@ from mocca_robot.statics.materials import between
 from sim.coulomb.settle import COURSE, Course, Settled, SettlingOutcome, settle
 from sim.coulomb.springs import Springs
 from sim.motion import reach
+from sim.shapes.contact_model import telling_rays
 
 MOVED = 0.05
 """Way of a part, relative to the farthest, from which it takes part in a fall; what stands gives by less."""
 
 Points = tuple[IntArray, Array, Array]
 """Contact points: pairs (K, 2) of parts, points (K, d) in metres, and unit normals (K, d) from the earlier part."""
+MOST_POINTS = 5000
+"""Contact points from which on a structure stands on those that carry nearly the same, as in MuJoCo."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +62,24 @@ class Rubbing:
             length=self.graph.assembly.size / 2,
             shear_ratio=self.shear_ratio,
         )
+
+
+def rubbing(graph: PartsGraph, friction: float) -> Rubbing:
+    """Return an assembly that rubs at every corner of its contacts, or at the telling ones where they are too many."""
+    rays = None
+    if corners(graph) > MOST_POINTS:
+        rays = telling_rays(graph.assembly, graph.contacts, friction)
+    if rays is None:
+        return Rubbing(graph, friction)
+    kept = [r.reduced for r in rays]
+    pairs = np.concatenate([np.tile(np.array(k.pair), (len(k.points), 1)) for k in kept])
+    points, normals = np.concatenate([k.points for k in kept]), np.concatenate([k.normals for k in kept])
+    return Rubbing(graph, friction, (pairs, points, normals))
+
+
+def corners(graph: PartsGraph) -> int:
+    """Return how many corners the contacts have in all."""
+    return sum(len(c.polygon) for c in graph.contacts)
 
 
 @dataclass(frozen=True, eq=False)

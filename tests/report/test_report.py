@@ -31,7 +31,7 @@ from mocca_robot.report import cone_plots, drawing2d, drawing3d, figures, pictur
 from mocca_robot.report.comparison import Variant, comparison_page
 from mocca_robot.report.data import ReportData, Tilt, collect
 from mocca_robot.report.film import films
-from mocca_robot.report.findings import below_bound, disagreements, states, tilt_gaps
+from mocca_robot.report.findings import disagreements, states, tilt_gaps
 from mocca_robot.report.markup import esc, script_json, significant
 from mocca_robot.report.page import report_page, write_report
 from mocca_robot.report.palette import part_colours
@@ -508,21 +508,15 @@ def test_films_show_recorded_motion_and_refuse_what_has_another_shape(flat: Repo
     assert filmed(((0.0, 0.0),), ((0.01, 0.2),)) == filmed(((0.0, 0.0, 0.0),)) == filmed() == {}
 
 
-def test_physics_that_falls_earlier_than_statics_with_friction_is_told_with_its_cause(flat: ReportData) -> None:
-    def with_tilt(measured: float, expected: float) -> ReportData:
-        critical, statics = float(np.deg2rad(measured)), float(np.deg2rad(expected))
-        cause = "friction not made by the fall"
-        tilt = TiltVerdict(azimuth_rad=0.0, critical_rad=critical, statics_rad=statics, friction=0.5, cause=cause)
-        return dataclasses.replace(flat, simulation=simulated(flat.design, tilt=(tilt,)))
-
-    bounded = with_tilt(20.0, 25.0)
-    (earlier,) = below_bound(bounded)
-    assert earlier.endswith("20.00° in MuJoCo, 25.00° by statics; cause: friction not made by the fall.")
-    assert disagreements(bounded) == () and tilt_gaps(bounded) == ()
-    page = report_page(bounded)
-    assert esc(earlier) in page and 'id="upper-bounds"' in page and 'id="disagreements"' not in page
-    later = with_tilt(25.0, 20.0)
-    assert len(disagreements(later)) == 1 and not below_bound(later)
+def test_tilts_with_friction_that_differ_are_a_disagreement_of_the_engine_that_found_them(flat: ReportData) -> None:
+    critical, statics = float(np.deg2rad(20.0)), float(np.deg2rad(25.0))
+    tilt = TiltVerdict(azimuth_rad=0.0, critical_rad=critical, statics_rad=statics, friction=0.5, engine="coulomb 1")
+    apart = dataclasses.replace(flat, simulation=simulated(flat.design, tilt=(tilt,)))
+    (said,) = disagreements(apart)
+    assert said.endswith("20.00° in the friction engine, 25.00° by statics.")
+    assert len(tilt_gaps(apart)) == 1
+    page = report_page(apart)
+    assert esc(said) in page and 'id="disagreements"' in page
 
 
 def test_an_interlocking_design_is_said_to_lock_not_to_stand(solid: ReportData) -> None:

@@ -25,7 +25,7 @@ from sim.questions import Questions
 from sim.robust import RobustOptions, wilson
 from sim.shapes.contact_model import contact_model
 from sim.simulate import simulate
-from sim.stability import LIMITS, free_scene, stability
+from sim.stability import free_scene, stability
 from sim.trial_store import Trial, TrialStore, run_trials
 
 ASK = Questions(directions=3, clearances=(0.0, 3e-4), threads=2)
@@ -156,8 +156,8 @@ def test_a_run_that_is_abandoned_says_nothing(monkeypatch):
 
 def test_large_structures_are_tilted_with_friction_only_when_asked(monkeypatch):
     assembly = box_stack_3d(3)[0]
-    monkeypatch.setattr("sim.shapes.contact_model.ENOUGH", 10**6)
-    monkeypatch.setattr(sys.modules[simulate.__module__], "LIMITS", replace(LIMITS, finest_points=1))
+    monkeypatch.setattr(sys.modules[simulate.__module__], "MOST_POINTS", 1)
+    monkeypatch.setattr("sim.coulomb.judge.MOST_POINTS", 1)
     ask = Questions(stages=("tilt",), azimuths=1)
     found = simulate(assembly, None, ask)
     assert {t.friction for t in found.tilt} == {0.0}

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from physics_models import WIDTH, box_stack_3d, jointed, rectangle, semicircle, stack, tongue
 
-from benchmarks.random_assemblies import random_assembly
 from mocca_robot.assembly import Assembly, Part
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
@@ -18,12 +17,13 @@ from mocca_robot.statics.loads import state_cases, tilted_gravity
 from mocca_robot.statics.solution import Status
 from mocca_robot.verdicts.agreement import agree
 from mocca_robot.verdicts.physics import Verdict
+from sim.coulomb import verdicts
+from sim.coulomb.judge import rubbing
 from sim.motion import run
 from sim.scene import compile_scene, with_gravity
 from sim.settings import settings_for
 from sim.shapes.contact_model import contact_model, facets, pieces
-from sim.stability import StabilityLimits, at_once, free_scene, judged, stability
-from sim.states import state_verdict
+from sim.stability import StabilityLimits, free_scene, judged, stability
 from sim.tilt import RESOLUTION, azimuths, physical_tilt, tilt_scene
 
 
@@ -50,8 +50,7 @@ def test_a_block_slides_down_a_slope_from_atan_mu(friction, side, kind):
 def test_a_stack_tips_over_at_atan_width_over_height(blocks):
     assembly = stack(blocks)
     graph = PartsGraph.of(assembly)
-    contacts = graph.contacts
-    found = physical_tilt(tilt_scene(assembly, facets(contacts), 2.0), graph, 0.0)
+    found = verdicts.tilt_verdict(rubbing(graph, 2.0), 0.0)
     assert found.critical_rad == pytest.approx(np.arctan(1 / blocks), abs=np.deg2rad(0.5))
     assert not found.failed
 
@@ -93,9 +92,9 @@ def test_curved_joints_let_go_where_statics_says(height, lean, azimuth):
 def test_solids_tip_over_where_statics_says():
     assembly, contacts = box_stack_3d(3)
     graph = PartsGraph.of(assembly, contacts)
-    compiled = tilt_scene(assembly, facets(contacts), 2.0)
+    rubs = rubbing(graph, 2.0)
     for azimuth in (0.0, np.pi / 4, np.pi):
-        found = physical_tilt(compiled, graph, azimuth)
+        found = verdicts.tilt_verdict(rubs, azimuth)
         assert abs(found.critical_rad - found.statics_rad) < np.deg2rad(1.0)
     assert found.critical_rad == pytest.approx(np.arctan(1 / 3), abs=np.deg2rad(0.5))
 
@@ -111,9 +110,7 @@ def test_every_state_agrees_with_statics_also_where_it_falls():
     """The fourth block hangs over too far; a fifth on top cannot save it."""
     assembly = stack(5, 0.3 * WIDTH)
     graph = PartsGraph.of(assembly)
-    contacts = graph.contacts
-    model = contact_model(assembly, contacts, 0.5)
-    results = [state_verdict(graph, model, case, 0.5) for case in state_cases(graph)]
+    results = [verdicts.state_verdict(rubbing(graph, 0.5), case) for case in state_cases(graph)]
     assert [r.placed for r in results] == [p.name for p in assembly.parts if not p.fixed]
     assert all(agree(r.verdict, r.statics) for r in results)
     assert results[0].stands and not results[-1].stands
@@ -185,37 +182,6 @@ def test_the_tilt_search_goes_on_above_falls_that_finer_steps_do_not_confirm():
     compiled = tilt_scene(assembly, pieces(assembly, contacts))
     assert physical_tilt(compiled, graph, 0.0, limits=StabilityLimits(finer=())).critical_rad == 0.0
     assert 0.0 < physical_tilt(compiled, graph, 0.0).critical_rad < RESOLUTION
-
-
-def test_creep_of_friction_is_no_fall_where_statics_holds():
-    """Half a degree below its critical tilt this arch creeps, ten times slower with a tenth of the step."""
-    assembly = random_assembly("arch", 7)
-    graph = PartsGraph.of(assembly)
-    contacts = graph.contacts
-    critical = critical_tilt(graph, 0.0, 0.6)
-    scene = tilt_scene(assembly, facets(contacts, friction=0.6), 0.6)
-    limits = StabilityLimits(finer=(3.0,), finest=30.0)
-
-    def verdict(off_deg, doubted):
-        gravity = tilted_gravity(assembly.gravity, critical + np.deg2rad(off_deg))
-        return judged(with_gravity(scene, gravity), limits, doubted)
-
-    assert verdict(-0.5, False).verdict is Verdict.FELL, "the finer step alone decides already: nothing is shown here"
-    held = verdict(-0.5, True)
-    assert held.stands and "creeps" in held.reason and held.moved == ()
-    assert verdict(0.5, True).verdict is Verdict.FELL
-
-
-def test_wedged_parts_hold_up_to_where_statics_says():
-    """A keystone between leaning faces: contacts that chatter while they slide let it creep out, degrees too early."""
-    assembly = random_assembly("arch", 3)
-    graph = PartsGraph.of(assembly)
-    contacts = graph.contacts
-    scene = tilt_scene(assembly, facets(contacts, friction=0.6), 0.6)
-    gravity = tilted_gravity(assembly.gravity, critical_tilt(graph, 0.0, 0.6) - np.deg2rad(0.5))
-    tilted = with_gravity(scene, gravity)
-    assert at_once(tilted).verdict is Verdict.FELL, "one run decides already: nothing is shown here"
-    assert judged(tilted).stands
 
 
 def test_a_fall_is_confirmed_with_finer_steps():
