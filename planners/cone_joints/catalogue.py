@@ -43,6 +43,7 @@ def entries(problem: JointProblem, axis: Array, leans: Array | None = None) -> l
     """Return the catalogue with each shape leaned by each of `leans` (m, L), and where its constraints hold."""
     shapes, options = problem.shapes, problem.shapes.options
     outer = other_normals(problem)
+    low, top = (b[:, list(shapes.heights)] for b in shapes.bounds())
     found = []
     for tilt in np.zeros((1, shapes.n_lean)) if leans is None else leans:
         lean = np.tile(tilt, (len(shapes.pair_normal), 1))
@@ -55,6 +56,8 @@ def entries(problem: JointProblem, axis: Array, leans: Array | None = None) -> l
             steepest = np.einsum("erd,ed->er", normals, shapes.normals).min(axis=1)
             good = shapes.can_curve & (steepest >= np.cos(options.max_slope_rad))
             good &= (family.violations(surface, rows) <= 0.0).all(axis=1)
+            heights = rows[:, list(shapes.heights)]
+            good &= ((heights >= low) & (heights <= top)).all(axis=1)
             good &= assemblable(problem, axis, normals, outer)
             found.append(_Entry(kind=kind, row=row, lean=lean, points=points, normals=normals, allowed=good))
     return found

@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from mocca_robot.arrays import Array, BoolArray, read_only
+from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.assembly import Assembly, Lateral
 from mocca_robot.contacts.contact import Contact, ContactReport
 from mocca_robot.contacts.find import find_contacts, require_sound
-from mocca_robot.design import CaseResult, Design, Insertion
+from mocca_robot.design import CaseResult, Design
 from mocca_robot.errors import InputError
-from mocca_robot.joints.build import build_parts
-from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
-from mocca_robot.motion.parts_graph import PartMotion, PartsGraph
-from mocca_robot.motion.ways_out import first_free, free_half_angle, roomiest, spread_directions, ways_out
+from mocca_robot.motion.parts_graph import PartsGraph
+from mocca_robot.motion.ways_out import ways_out
 from mocca_robot.runtime.threads import with_one_blas_thread
 from mocca_robot.statics.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
 from mocca_robot.tolerances import ANGLE_ROUNDING_RAD, CASE_HELD, CASE_SOLVED, MARGIN_SOLVED, VIOLATED
+from planners.cone_joints.building import build
 from planners.cone_joints.descent import evaluate
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.kinematic import Impossible, bound
+from planners.cone_joints.passage import Outcome, WayOpener, closed_ways
 from planners.cone_joints.realization import Polished
 from planners.cone_joints.search import FoundJoints, Keep, Progress, SearchState, search
 from planners.cone_joints.shapes import Shapes
@@ -49,7 +49,7 @@ class Designed:
 
     Attributes:
         design: what was built; with joints where the search ended even when it failed, so that it can be looked at.
-        achieved: every required case holds and every part has its insertion cone.
+        achieved: every required case holds and every part has its insertion cone, past all parts placed before it.
         impossible: proof that no joint within the bounds holds the named case, if there is one.
         narrow: parts that no joint can give the α that is asked for.
         margin_rad: tilt that every required state survives on top of its load, as far as designed for.
@@ -123,8 +123,8 @@ def design(
     narrow = _narrow_parts(graph, axis)
 
     impossible = None
-    polished = Polished(start, before.infeasibility, 0.0, 0)
-    searched: FoundJoints | None = None
+    unsearched = Polished(start, before.infeasibility, 0.0, 0)
+    outcome: Outcome | None = None
     kinematic = realization = 0.0
     if before.infeasibility.max(initial=0.0) > CASE_SOLVED and not narrow:
         # A state to go on from exists only where the bound proved nothing.
@@ -135,31 +135,43 @@ def design(
         kinematic = time.perf_counter() - started
         if impossible is None:
             searched = search(problem, start, progress, resume=resume, keep=keep, near=near)
-            shapes, polished = searched.shapes, searched.polished
-            problem = replace(problem, shapes=shapes)
+            opener = WayOpener(
+                graph=graph,
+                problem=problem,
+                start=start,
+                reshaped=lambda axis: joint_shapes(graph, options, axis),
+                progress=progress,
+            )
+            outcome = opener.opened(Outcome.of(assembly, problem, given, searched))
+            shapes = outcome.problem.shapes
         realization = time.perf_counter() - started - kinematic
-    result = _built(assembly, problem, given, required, before.infeasibility, polished)
+    polished = unsearched if outcome is None else outcome.searched.polished
+    result = build(assembly, problem, start, given) if outcome is None else outcome.built
     held = bool(polished.infeasibility[: len(required)].max(initial=0.0) <= CASE_HELD)
+    open_ways = not (closed_ways(result) if outcome is None else outcome.closed)
     seconds = {"kinematic": kinematic, "realization": realization, "total": time.perf_counter() - started}
     notes = _notes(assembly, shapes, report)
     finished = Design(
         source=assembly,
-        assembly=result[0],
-        joints=result[1],
-        insertion=result[2],
-        load_cases=result[3],
+        assembly=result.assembly,
+        joints=result.joints,
+        insertion=result.insertion,
+        load_cases=tuple(
+            CaseResult(case.name, float(b), float(a))
+            for case, b, a in zip(required, before.infeasibility, polished.infeasibility)
+        ),
         seconds=seconds,
         notes=notes,
     )
     return Designed(
         design=finished,
-        achieved=held and not narrow and polished.violation <= VIOLATED,
+        achieved=held and not narrow and open_ways and polished.violation <= VIOLATED,
         impossible=impossible,
         narrow=narrow,
         margin_rad=options.tilt_margin_rad if polished.infeasibility.max(initial=0.0) <= MARGIN_SOLVED else 0.0,
         evaluations=polished.evaluations,
-        interrupted=None if searched is None else searched.interrupted,
-        searched=searched,
+        interrupted=None if outcome is None else outcome.searched.interrupted,
+        searched=None if outcome is None else outcome.searched,
         cases=required,
     )
 
@@ -216,62 +228,6 @@ def _planar_start(shapes: Shapes, axis: Array) -> JointParameters:
     count = len(shapes.contacts)
     lean = np.zeros((len(shapes.pair_normal), shapes.n_lean))
     return JointParameters(np.tile(shapes.rest, (count, 1)), lean, axis, np.zeros(count, dtype=np.bool_))
-
-
-def _built(
-    assembly: Assembly,
-    problem: JointProblem,
-    given: BoolArray,
-    required: Sequence[LoadCase],
-    before: Array,
-    polished: Polished,
-) -> tuple[Assembly, tuple[Joint, ...], tuple[Insertion, ...], tuple[CaseResult, ...]]:
-    parameters = polished.parameters
-    u = problem.shapes.directions(parameters.lean)
-    joints = tuple(
-        problem.shapes.joint(e, parameters.shape[e], u[e]) if curved else planar(contact)
-        for e, (contact, curved) in enumerate(zip(problem.shapes.contacts, parameters.curved))
-    )
-    built = build_parts(assembly, joints)
-    insertion = tuple(
-        Insertion(assembly.parts[p].name, read_only(-way), _free_cone(built, p, m, way))
-        for p, m in PartsGraph.joined(assembly, joints).motions()
-        for way in [parameters.axis[p] if given[p] else _confirmed_way(built, p, m, parameters.axis[p])]
-    )
-    cases = tuple(
-        CaseResult(case.name, float(b), float(a)) for case, b, a in zip(required, before, polished.infeasibility)
-    )
-    return built, joints, insertion, cases
-
-
-def _free_cone(built: Assembly, part: int, motion: PartMotion, way: Array) -> float:
-    """Return the half-angle of the cone about `way` that is promised, radians; negative when contacts block it.
-
-    Flat parts get all that is free. For solids sweeps are dear: the cone that was asked for, when contacts leave it.
-    """
-    room = motion.room(way)
-    asked = built.alpha_rad
-    if room <= 0.0:
-        return room
-    if built.dimension == 3 and asked is not None:
-        return min(room, asked)
-    return free_half_angle(built, part, way, room)
-
-
-def _confirmed_way(built: Assembly, part: int, motion: PartMotion, designed: Array) -> Array:
-    """Return the way out that a part is inserted along: the widest cone's axis if a sweep confirms it, else the
-    designed one, or another where joints have made the part a little larger than its way was wide. In 3D the designed
-    one, which was found by sweeps and has kept its cone since."""
-    if built.dimension == 3:
-        return designed
-    alpha = built.alpha_rad or 0.0
-    if not len(motion.normals) or motion.alpha_rad < alpha:
-        return designed
-    usable = [motion.axis] if motion.room(designed) < alpha - ANGLE_ROUNDING_RAD else [motion.axis, designed]
-    way = first_free(built, part, usable)
-    if way is None:
-        way = first_free(built, part, roomiest(spread_directions(2, 360), motion, alpha))
-    return usable[-1] if way is None else way
 
 
 def _narrow_parts(graph: PartsGraph, axis: Array) -> tuple[NarrowPart, ...]:

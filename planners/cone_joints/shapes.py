@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Protocol
 
+import numpy as np
+
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.joint import Joint
@@ -102,5 +104,19 @@ class Shapes(Protocol):
     def with_kinds(self, kinds: Sequence[Any]) -> Shapes:
         """Return the same joints with other families."""
 
+    def within(self, limits: Array) -> Shapes:
+        """Return the same joints with bumps between the lowest and highest heights `limits` (E, 2), m."""
+
     def joint(self, index: int, shape: Array, u: Array) -> Joint:
         """Return one joint built."""
+
+
+def turned_within(rows: Array, heights: tuple[int, ...], low: Array, top: Array) -> Array:
+    """Return shapes (E, S) between bounds: bumps on a side without room are turned to the other one."""
+    columns = list(heights)
+    wanted = rows[:, columns]
+    cut = np.clip(wanted, low[:, columns], top[:, columns])
+    barred = ((cut == 0.0) & (wanted != 0.0)).any(axis=1)
+    kept = rows.copy()
+    kept[:, columns] = np.clip(np.where(barred[:, None], -wanted, wanted), low[:, columns], top[:, columns])
+    return kept

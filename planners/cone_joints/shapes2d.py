@@ -19,6 +19,7 @@ from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.joints.spline import SplineKind, polyline_joint, smallest_radius, spline_points
 from planners.cone_joints.clearance2d import Clearance2D, clearance_2d
+from planners.cone_joints.shapes import turned_within
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,6 +32,7 @@ class Shapes2D:
         pair: (E,) index of each joint's pair; joints of one pair share u.
         pair_normal: (Q, 2) unit reference direction of each pair: u is it turned by the pair's lean.
         clearance: how much room either part leaves.
+        limits: (E, 2) lowest and highest bump, m, that is wanted besides; infinite where nothing is.
     """
 
     assembly: Assembly
@@ -40,6 +42,7 @@ class Shapes2D:
     pair_normal: Array
     options: JointOptions
     clearance: Clearance2D
+    limits: Array
 
     n_lean: ClassVar[int] = 1
     steepest_lean: ClassVar[float] = 0.85
@@ -70,6 +73,7 @@ class Shapes2D:
             pair_normal=read_only(normals),
             options=options,
             clearance=clearance,
+            limits=read_only(np.tile([-np.inf, np.inf], (len(contacts), 1))),
         )
 
     @property
@@ -146,7 +150,12 @@ class Shapes2D:
         """Return lower and upper bounds (E, 4)."""
         flat, high = max(self.options.margin, 0.02), self.options.max_height
         rows = (len(self.contacts), 1)
-        return np.tile([flat, flat, -high, -high], rows), np.tile([0.4, 0.4, high, high], rows)
+        low, top = np.tile([flat, flat, -high, -high], rows), np.tile([0.4, 0.4, high, high], rows)
+        limits = self.limits / self.lengths[:, None]
+        for column in self.heights:
+            low[:, column] = np.maximum(low[:, column], limits[:, 0])
+            top[:, column] = np.minimum(top[:, column], limits[:, 1])
+        return low, top
 
     def violations(self, curve: Array, shape: Array) -> Array:
         """Return (E, V) how far curves exceed their room and their smallest radius, in contact lengths; ≤ 0 is well."""
@@ -210,12 +219,17 @@ class Shapes2D:
                 if kind in self.options.kinds:
                     second = -height if kind == "z" else 0.0
                     row = np.array([self.rest[0], self.rest[1], height, second])
-                    bumps.append((kind, np.tile(row, (len(self.contacts), 1))))
+                    rows = np.tile(row, (len(self.contacts), 1))
+                    bumps.append((kind, turned_within(rows, self.heights, *self.bounds())))
         return bumps
 
     def with_kinds(self, kinds: Sequence[SplineKind]) -> Shapes2D:
         """Return the same joints with other families."""
         return replace(self, kinds=tuple(kinds))
+
+    def within(self, limits: Array) -> Shapes2D:
+        """Return the same joints with bumps between the lowest and highest heights `limits` (E, 2), m."""
+        return replace(self, limits=limits)
 
     def joint(self, index: int, shape: Array, u: Array) -> Joint:
         """Return joint `index` built with the parameters shape (4,) and u (2,); planar when it has no height."""

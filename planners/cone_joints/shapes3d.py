@@ -7,7 +7,7 @@ that rectangle's sides that it covers (a smaller bump of the same height is stee
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -267,6 +267,11 @@ class Shapes3D:
     def with_kinds(self, kinds: Sequence[Any]) -> Shapes3D:
         """Return these joints: solids know one family."""
         return self
+
+    def within(self, limits: Array) -> Shapes3D:
+        """Return the same joints with bumps between the lowest and highest heights `limits` (E, 2), m."""
+        reach = np.stack([np.maximum(self.reach[:, 0], limits[:, 0]), np.minimum(self.reach[:, 1], limits[:, 1])], 1)
+        return replace(self, reach=read_only(reach))
 
     def joint(self, index: int, shape: Array, u: Array) -> Joint:
         """Return joint `index` built with shape (2,) and direction u (3,); planar without height."""
