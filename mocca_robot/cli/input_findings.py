@@ -138,6 +138,8 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
             verdict = f"stands only clamped: {quoted(state.moving)} would slide out"
         if state.result.status == "inaccurate":
             verdict = "not decided, the solver was inaccurate"
+            if state.rubbing is not None:
+                verdict = "not decided: neither rest nor a lasting fall was found"
         name = state.case.name.removeprefix("state_")
         out.append(f"after '{name}': {verdict} (E/|w|² = {state.result.infeasibility:.2g}{friction})")
     tilts = ", ".join(f"{_azimuth(assembly, a)} {np.rad2deg(t):.2f}°" for a, t in zip(found.azimuths, found.tilts))

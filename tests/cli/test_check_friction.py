@@ -104,6 +104,21 @@ def test_a_state_in_which_only_fixed_parts_touch_is_a_verdict() -> None:
     assert verdicts[0].rubbing.standing is Standing.FALLS
 
 
+@pytest.mark.parametrize("steps", [0, 2])
+def test_what_cannot_be_decided_is_said_to_be_undecided(
+    steps: int, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mocca_robot.statics.solver.coulomb_steps.MOST_STEPS", steps)
+    assembly = loaded(BETWEEN)
+    found = solve_case(PartsGraph.of(assembly), case_at(assembly, 0.0, 0.0), 0.5)
+    assert found.rubbing is not None and found.rubbing.standing is Standing.UNDECIDED
+    assert (found.result.stands, str(found.result.status)) == (False, "inaccurate")
+    assert len(found.rubbing.shares) == steps
+    assert main(["check", str(written(tmp_path / "made.json", BETWEEN)), "--friction", "0.5"]) == 1
+    said = "".join(capsys.readouterr())
+    assert "neither rest nor a lasting fall was found" in said and "stands only clamped" not in said
+
+
 def test_check_says_the_bound_beside_the_tilt(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = written(tmp_path / "drawer.json", DRAWER)
     assert main(["check", str(path), "--friction", "0.3", "--json"]) in (0, 1)
