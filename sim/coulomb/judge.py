@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +13,7 @@ from mocca_robot.assembly import Assembly
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import LoadCase, case_wrenches
-from mocca_robot.statics.materials import between
+from mocca_robot.statics.materials import between, clamped
 from sim.coulomb.settle import COURSE, Course, Settled, SettlingOutcome, settle
 from sim.coulomb.springs import Springs
 from sim.motion import reach
@@ -33,7 +34,7 @@ class Rubbing:
 
     Attributes:
         graph: parts where they belong, with their contacts.
-        friction: Coulomb coefficient.
+        friction: Coulomb coefficient, or a table of them with what is clamped (`mocca_robot.statics.materials`).
         points: where the parts touch; by default every corner of every contact, as in statics.
         shear_ratio: tangential stiffness of the contacts as a multiple of the normal one.
     """
@@ -57,6 +58,7 @@ class Rubbing:
             points[there],
             normals[there],
             friction=between(self.friction, self.graph.assembly.parts, pairs[there]),
+            clamping=_clamping(clamped(self.friction, self.graph.assembly.parts, pairs), pairs)[there],
             free=present & ~held,
             about=np.array([p.centroid for p in self.graph.assembly.parts]),
             length=self.graph.assembly.size / 2,
@@ -80,6 +82,15 @@ def rubbing(graph: PartsGraph, friction: float) -> Rubbing:
 def corners(graph: PartsGraph) -> int:
     """Return how many corners the contacts have in all."""
     return sum(len(c.polygon) for c in graph.contacts)
+
+
+def _clamping(forces: Mapping[tuple[int, int], float], pairs: IntArray) -> Array:
+    """Return (K,) newtons at every contact point of pairs of parts that press on each other with `forces`."""
+    out = np.zeros(len(pairs))
+    for pair, force in forces.items():
+        theirs = ((pairs == pair) | (pairs == pair[::-1])).all(axis=1)
+        out[theirs] = force / theirs.sum()
+    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,6 +21,7 @@ class ContactSprings(NamedTuple):
         first, second: (C,) the part on either side.
         rows: (C, 2, d, dof) [normal; tangents] of both sides: speeds q̇ of a part move its side by rows · q̇.
         normal, tangential, friction: (C,) stiffnesses and Coulomb coefficients.
+        squeeze: (C,) by how much parts are pressed into each other while the load comes on.
     """
 
     first: IntArray
@@ -29,6 +30,7 @@ class ContactSprings(NamedTuple):
     normal: Array
     tangential: Array
     friction: Array
+    squeeze: Array
 
 
 class Resting(NamedTuple):
@@ -65,12 +67,13 @@ def _advance(d: int, dof: int) -> Advance:
         damping: float,
         viscosity: float,
     ) -> None:
-        first, second, rows, normal, tangential, friction = springs
+        first, second, rows, normal, tangential, friction, squeeze = springs
         motion, speed, force, gap, shear = state
         way = np.zeros(d)
         push = np.zeros(d)
         for step in range(taken, taken + steps):
             share = min(1.0, (step + 1) / ramp)
+            grown = share - min(1.0, step / ramp)
             for p in range(len(load)):
                 for a in range(dof):
                     force[p, a] = before[p, a] + share * (load[p, a] - before[p, a])
@@ -81,7 +84,7 @@ def _advance(d: int, dof: int) -> Advance:
                     for a in range(dof):
                         total += rows[c, 1, k, a] * speed[j, a] - rows[c, 0, k, a] * speed[i, a]
                     way[k] = total
-                gap[c] += way[0]
+                gap[c] += way[0] - grown * squeeze[c]
                 if gap[c] >= 0.0:
                     for k in range(d - 1):
                         shear[c, k] = 0.0

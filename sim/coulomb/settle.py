@@ -89,11 +89,14 @@ def settle(springs: Springs, wrenches: Array, course: Course = COURSE, after: Se
     """
     load, unit = springs.load(wrenches)
     state, before = _at_rest(springs) if after is None else _copied(after.held)
+    contacts = springs.contacts
+    if after is None:
+        contacts = contacts._replace(squeeze=springs.clamping / unit / contacts.normal)
     steps, outcome = 0, SettlingOutcome.UNDECIDED
     seen = _Seen.of(springs, load, state, 0.0)
     while outcome is SettlingOutcome.UNDECIDED and steps < course.most:
         damping = course.damping * 0.5 ** (max(0, steps - course.ramp) / course.wears % 8)
-        advance(springs.contacts, before, load, state, steps, course.look, course.ramp, damping, VISCOSITY)
+        advance(contacts, before, load, state, steps, course.look, course.ramp, damping, VISCOSITY)
         steps += course.look
         seen = _Seen.of(springs, load, state, 1.0 if after is not None else min(1.0, steps / course.ramp))
         outcome = _outcome(seen, steps, course)

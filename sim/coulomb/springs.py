@@ -35,6 +35,7 @@ class Springs:
         count: N.
         about: (F, d) reference points of the motions, metres.
         length: metres.
+        clamping: (C,) newtons with which parts press on each other as long as nothing gives.
     """
 
     contacts: ContactSprings
@@ -46,6 +47,7 @@ class Springs:
     count: int
     about: Array
     length: float
+    clamping: Array
 
     @classmethod
     def build(
@@ -60,6 +62,7 @@ class Springs:
         length: float,
         stiffness: Array | None = None,
         shear_ratio: float = 1.0,
+        clamping: Array | None = None,
     ) -> Springs:
         """Return the springs at contact `points` (K, d), unit `normals` (K, d) from part i into part j of `pairs`.
 
@@ -71,6 +74,7 @@ class Springs:
             stiffness: (K,) of the springs, equal by default. Only ratios count: points and normals stay where they
                 are, so everything grows in proportion to the load.
             shear_ratio: tangential stiffness as a multiple of the normal one.
+            clamping: (K,) newtons with which parts press on each other at each point as long as nothing gives.
         """
         count, d = len(free), points.shape[1]
         used = free[pairs].any(axis=1)
@@ -92,6 +96,7 @@ class Springs:
             normal=read_only(normal),
             tangential=read_only(shear_ratio * normal),
             friction=read_only(np.broadcast_to(np.asarray(friction, dtype=np.float64), len(pairs))[used]),
+            squeeze=read_only(np.zeros(len(first))),
         )
         return cls(
             contacts=contacts,
@@ -103,6 +108,7 @@ class Springs:
             count=count,
             about=read_only(about[moving]),
             length=length,
+            clamping=read_only(np.zeros(len(first)) if clamping is None else clamping[used]),
         )
 
     @property

@@ -14,6 +14,7 @@ from mocca_robot.assembly import Assembly, Part, Polygon
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import case_at
+from mocca_robot.statics.materials import Friction
 from sim.coulomb.judge import CoulombVerdict, Rubbing, standing
 from sim.coulomb.settle import Course, SettlingOutcome, settle
 from sim.coulomb.springs import Springs
@@ -220,3 +221,30 @@ def test_random_assemblies_fall_where_they_are_known_to(kind: str, seed: int, kn
     assembly, azimuth = random_probe(kind, seed)
     rubs = Rubbing(PartsGraph.of(assembly), friction_of(kind, seed))
     assert critical_deg(rubs, azimuth, known_deg) == pytest.approx(known_deg, abs=0.4)
+
+
+def test_what_is_clamped_between_walls_holds_from_the_force_that_friction_needs() -> None:
+    """Two faces press with N each and hold 2 μ N: half a weight over μ."""
+    walls = [Part(f"w{x}", rectangle(x, 0, 1, 3), fixed=True) for x in (-1, 1)]
+    assembly = Assembly("clamped", (*walls, Part("block", rectangle(0.0, 1.0, 1.0, 1.0))))
+    weight = assembly.parts[-1].mass * 9.80665
+
+    def found(share: float) -> CoulombVerdict:
+        force = share * 0.5 * weight / 0.4
+        declared = Friction(0.4, (), tuple((("block", w.name), force) for w in walls))
+        return standing(Rubbing(PartsGraph.of(assembly), declared), case_at(assembly, 0.0, 0.0))
+
+    assert found(1.02).stands
+    assert found(0.98).settled.outcome is SettlingOutcome.FALLS
+
+
+def test_each_pair_of_materials_rubs_as_the_table_says() -> None:
+    """A block on a plank on the ground: what slides is the smoother pair."""
+    ice, wood = replace(block(1.0, 2, 0.5), name="top", material="ice"), block(1.0, 2, 0.5)
+    plank = replace(wood, name="plank", shape=rectangle(-2.0, -0.2, 4.0, 0.2), material="wood")
+    floor = replace(ground(1.0, 2), shape=rectangle(-9.0, -1.2, 18.0, 1.0), material="wood")
+    graph = PartsGraph.of(Assembly("table", (floor, plank, ice)))
+    rough = Friction(0.0, ((("wood", "wood"), 0.6), (("ice", "wood"), 0.2)))
+    found = tilt_bracket(Rubbing(graph, rough), 0.0, 0.2)
+    assert np.rad2deg(found.critical_rad) == pytest.approx(np.rad2deg(np.arctan(0.2)), abs=0.1)
+    assert found.fell is not None and found.fell.standing.moved == ("top",)
