@@ -200,6 +200,11 @@ def _about_tilts(found: Checkup) -> list[str]:
             for a, t in zip(found.azimuths, found.friction_tilts)
         )
         out.append(f"clamped it could stand up to: {bounds} (friction forces exist, but nothing brings them about)")
+    for a, t in zip(found.azimuths, found.friction_tilts):
+        if t.undecided:
+            stands, falls = (f"{np.rad2deg(x):.2f}°" for x in (t.stands_rad, t.falls_rad))
+            where = _azimuth(found.graph.assembly, a).removesuffix(":")
+            out.append(f"not decided towards {where}: it stands up to {stands} and does not at {falls}")
     if found.band is not None and found.band[1] - found.band[0] > BESIDE_RAD:
         low, high = (f"{np.rad2deg(x):.2f}°" for x in found.band)
         least, most = TANGENTIAL_BAND
@@ -215,6 +220,7 @@ def _tilt_figures(found: Checkup) -> list[dict[str, Any]]:
         {
             "stands_deg": float(np.rad2deg(t.stands_rad)),
             "fails_deg": float(np.rad2deg(t.fails_rad)),
+            "falls_deg": float(np.rad2deg(t.falls_rad)),
             "bound_deg": float(np.rad2deg(t.bound_rad)),
             "fails_as": None if t.failure is None else str(t.failure.standing),
         }

@@ -24,7 +24,8 @@ class FrictionTilt:
 
     Attributes:
         stands_rad: the largest tilt that was seen to stand; 0 if it does not stand upright.
-        fails_rad: the smallest tilt above it at which it was seen not to stand.
+        fails_rad: the smallest tilt above it at which it was not seen to stand.
+        falls_rad: the smallest tilt above it at which it was seen to fall; the bound if it was at none.
         bound_rad: up to where some friction forces would hold it, with nothing that brings them about.
         failure: the verdict at `fails_rad`; None where it stands up to `bound_rad`.
         tries: problems solved.
@@ -32,9 +33,15 @@ class FrictionTilt:
 
     stands_rad: float
     fails_rad: float
+    falls_rad: float
     bound_rad: float
     failure: FrictionVerdict | None
     tries: int
+
+    @property
+    def undecided(self) -> bool:
+        """Return whether tilts lie between the two at which neither rest nor a fall was found."""
+        return self.failure is not None and self.falls_rad > self.fails_rad
 
     @property
     def critical_rad(self) -> float:
@@ -58,10 +65,10 @@ def largest_tilt(
     """
     upright = decide(0.0, None) if upright is None else upright
     if not upright.stands:
-        return FrictionTilt(stands_rad=0.0, fails_rad=0.0, bound_rad=bound_rad, failure=upright, tries=1)
+        return FrictionTilt(stands_rad=0.0, fails_rad=0.0, falls_rad=0.0, bound_rad=bound_rad, failure=upright, tries=1)
     low, high, state, failure, tries = 0.0, bound_rad, upright.state, None, 1
     falls: list[tuple[float, float]] = []
-    widths = [high]
+    widths, surely = [high], bound_rad
     angle = max(bound_rad - 0.9 * resolution_rad, 0.5 * bound_rad)
     while high - low > resolution_rad and tries < MOST_TRIES:
         found = decide(angle, state)
@@ -71,10 +78,12 @@ def largest_tilt(
         else:
             high, failure = angle, found
             if found.standing is not Standing.UNDECIDED:
-                falls = [*falls[-1:], (angle, found.unbalanced)]
+                falls, surely = [*falls[-1:], (angle, found.unbalanced)], angle
         widths.append(high - low)
         angle = _next(low, high, falls, widths, resolution_rad)
-    return FrictionTilt(stands_rad=low, fails_rad=high, bound_rad=bound_rad, failure=failure, tries=tries)
+    return FrictionTilt(
+        stands_rad=low, fails_rad=high, falls_rad=surely, bound_rad=bound_rad, failure=failure, tries=tries
+    )
 
 
 def _next(low: float, high: float, falls: list[tuple[float, float]], widths: list[float], resolution: float) -> float:

@@ -79,7 +79,7 @@ def tilt_with_friction(
 
     upright = decide(0.0, None)
     if not upright.stands:
-        return FrictionTilt(stands_rad=0.0, fails_rad=0.0, bound_rad=0.0, failure=upright, tries=1)
+        return FrictionTilt(stands_rad=0.0, fails_rad=0.0, falls_rad=0.0, bound_rad=0.0, failure=upright, tries=1)
     bound = tilt_bound(graph, azimuth_rad, friction)
     return largest_tilt(decide, bound, resolution_rad, upright)
 

@@ -126,6 +126,7 @@ def test_check_says_the_bound_beside_the_tilt(tmp_path: Path, capsys: pytest.Cap
     right, _ = json.loads(captured.out)["tilt"]
     assert right["critical_deg"] == pytest.approx(16.7, abs=0.1)
     assert right["stands_deg"] <= right["critical_deg"] <= right["fails_deg"] < right["bound_deg"]
+    assert right["falls_deg"] == right["fails_deg"]
     assert right["fails_as"] == "stands_only_clamped"
     assert main(["check", str(path), "--friction", "0.3"]) in (0, 1)
     captured = capsys.readouterr()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -270,7 +270,7 @@ def test_random_assemblies_fall_where_exact_springs_say(name: str) -> None:
     assert np.rad2deg(found.critical_rad) == pytest.approx(TILTS[name], abs=0.3)
     assert np.rad2deg(found.fails_rad - found.stands_rad) < 0.05
     assert found.stands_rad < bound - 0.01
-    assert found.failure is not None
+    assert found.failure is not None and not found.undecided
     obeys_coulomb(contacts, load(found.stands_rad), standing(contacts, load(found.stands_rad)))
     goes_on_falling(contacts, load(found.fails_rad + 0.01), standing(contacts, load(found.fails_rad + 0.01)))
 
@@ -338,3 +338,16 @@ def relative(contacts: FrictionalContacts, motions: Array) -> Array:
         turned = turn * np.stack([-arm[:, 1], arm[:, 0]], axis=1) if d == 2 else np.cross(turn, arm)
         out.append(motions[part, :d] + turned)
     return np.asarray(out[0] - out[1])
+
+
+def test_a_tilt_that_cannot_be_decided_counts_as_failing_and_is_told() -> None:
+    made = block(2, 1.0)
+    contacts = made.contacts(0.3)
+
+    def decide(tilt: float, start: Array | None) -> FrictionVerdict:
+        found = standing(contacts, made.load(tilt), start=start)
+        return replace(found, standing=Standing.UNDECIDED) if tilt > 0.2 else found
+
+    found = largest_tilt(decide, 1.0, 1e-3)
+    assert found.undecided and found.critical_rad == pytest.approx(0.2, abs=1e-3)
+    assert (found.stands_rad, found.falls_rad) == (pytest.approx(0.2, abs=1e-3), 1.0)
