@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +24,7 @@ SLOWEST = 0.01
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from mocca_robot.plan.arm_models import RobotModel
     from mocca_robot.plan.journal import Journal, Record, Resolution
     from mocca_robot.plan.plan import Plan
     from mocca_robot.plan.safety import PlanFinding
@@ -197,14 +199,34 @@ def _build(
             unheard = "nobody reads what this program says any more (its output was closed)" if voice.deaf else ""
             return interrupted() or unheard
 
-        with UrArm(args.robot, plan, args.confirm, cancelled) as arm:
+        here, model = _fitted(args.robot, plan, voice)
+        with UrArm(args.robot, here, args.confirm, cancelled, model) as arm:
             journal = _open_journal(target, plan, arm.name, path, record, resolution)
             with journal:
                 if first >= len(plan.steps):
                     done = {"status": "succeeded", "detail": "every step is finished", "journal": str(target)}
                     return _report(voice, args.json, done)
-                last = _run(args, plan, arm, journal, first, voice)
+                last = _run(args, here, arm, journal, first, voice)
     return _report(voice, args.json, {**last, "journal": str(target)})
+
+
+def _fitted(host: str, plan: Plan, voice: Voice) -> tuple[Plan, RobotModel]:
+    """Return the plan for the arm that answers at `host`, as its factory measured it, and that arm."""
+    from mocca_robot.plan.arm_models import robot_model
+    from mocca_robot.plan.calibration import calibrated, difference, fitted
+    from mocca_robot.ur.primary import read_calibration
+
+    nominal = robot_model(plan.robot)
+    calibration = read_calibration(host)
+    if calibration is None:
+        unknown = f"note: {host} does not tell its arm's calibration (port 30001)"
+        voice.warn(f"{unknown}: it is taken for a {plan.robot} as published")
+        return plan, nominal
+    arm = calibrated(nominal, calibration)
+    gap, turn = difference(nominal, arm)
+    far = f"{1e3 * gap:.1f} mm and {math.degrees(turn):.2f}°"
+    voice.warn(f"note: the plan is fitted to this arm: its flange is up to {far} from where a {plan.robot}'s is")
+    return fitted(plan, arm), arm
 
 
 def _run(

@@ -1,8 +1,8 @@
 """The six Universal Robots e-series arms this driver knows: kinematics, joint limits, reach and payload.
 
 Figures as published by Universal Robots: "DH parameters for calculations of kinematics and dynamics" (support
-article) and the arms' technical data sheets. A real arm's factory calibration differs by up to a millimetre or two;
-the controller's own forward kinematics is what counts on hardware, this one re-checks a plan without it.
+article) and the arms' technical data sheets. A real arm differs by millimetres, up to a centimetre: `calibration` fits
+a plan to what the factory measured.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError, nearest
 from mocca_robot.plan.pose import Six, pose_of, rotation_vector, transform
 
-_ALPHA = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
+_ALPHA: Six = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
 _TURN = 2.0 * np.pi
 
 
@@ -29,6 +29,7 @@ class RobotModel:
         name: as plans and configurations spell it.
         dashboard_name: what the controller answers to `get robot model`.
         d, a: Denavit–Hartenberg offsets and lengths, metres, six each.
+        theta, alpha: its angles: zeros of the joints and twists of the links; a model's unless an arm is calibrated.
         joint_limit_rad: largest |q| per joint.
         joint_speed_rad_s: largest |dq/dt| per joint.
         reach_m: published reach, from the base's axis.
@@ -45,6 +46,8 @@ class RobotModel:
     reach_m: float
     payload_kg: float
     contact_force_n: float = 5.0
+    theta: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    alpha: Six = _ALPHA
     joint_limit_rad: Six = (_TURN, _TURN, _TURN, _TURN, _TURN, _TURN)
 
     def frames(self, q: Sequence[float] | Array) -> list[Array]:
@@ -52,9 +55,9 @@ class RobotModel:
 
         `q` is (6,) or (…, 6) for many configurations at once.
         """
-        angles = np.asarray(q, dtype=np.float64)
+        angles = np.asarray(q, dtype=np.float64) + np.asarray(self.theta)
         out = [np.eye(4)]
-        for k, (d, a, alpha) in enumerate(zip(self.d, self.a, _ALPHA, strict=True)):
+        for k, (d, a, alpha) in enumerate(zip(self.d, self.a, self.alpha, strict=True)):
             ct, st, ca, sa = np.cos(angles[..., k]), np.sin(angles[..., k]), np.cos(alpha), np.sin(alpha)
             step = np.zeros((*angles.shape[:-1], 4, 4))
             step[..., 0, 0], step[..., 0, 1], step[..., 0, 2], step[..., 0, 3] = ct, -st * ca, st * sa, a * ct

@@ -15,6 +15,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.motions import Motions
 from mocca_robot.plan.plan import Move, Step, Waypoint, insertion_axis
+from mocca_robot.plan.pose import angle_rad
 from mocca_robot.plan.status import ArmState, ExecutionStatus, MotionOutcome
 
 RETRYABLE = frozenset({ExecutionStatus.JAMMED, ExecutionStatus.TRAVEL_LIMIT})
@@ -40,6 +41,8 @@ def insert(
         outcome = arm.push(axis, depth - ahead, force_limit_n=move.force_limit_n)
         if outcome.depth_m is not None:
             outcome = replace(outcome, depth_m=ahead + outcome.depth_m)
+        if outcome.succeeded:
+            return _judged(outcome, path, limits)
         if outcome.status not in RETRYABLE or attempt == limits.retries:
             return outcome
         note("attempt_failed", outcome, attempt)
@@ -54,6 +57,23 @@ def insert(
             return zeroed
         at = zeroed.state
     return outcome
+
+
+def _judged(outcome: MotionOutcome, path: Sequence[Waypoint], limits: MotionLimits) -> MotionOutcome:
+    """Return a push that reached its depth, or DEVIATED when the hand then is beside its place, or tilted."""
+    if outcome.state is None:
+        return outcome
+    axis, _ = insertion_axis(path)
+    gap = np.subtract(outcome.state.tcp[:3], path[-1].tcp[:3])
+    aside, tilt = float(np.linalg.norm(gap - (gap @ axis) * axis)), angle_rad(outcome.state.tcp, path[-1].tcp)
+    for value, limit, words in (
+        (1e3 * aside, 1e3 * limits.sideways_tolerance_m, "mm beside its place"),
+        (float(np.degrees(tilt)), float(np.degrees(limits.tilt_tolerance_rad)), "degrees tilted"),
+    ):
+        if value > limit:
+            detail = f"in by its depth, but {value:.2f} {words}, limit {limit:.2f}"
+            return replace(outcome, status=ExecutionStatus.DEVIATED, detail=detail)
+    return replace(outcome, detail=f"{outcome.detail}, {1e3 * aside:.2f} mm aside")
 
 
 def _retreat(path: Sequence[Waypoint], depth_m: float) -> tuple[Waypoint, ...]:

@@ -51,6 +51,10 @@ class MotionLimits:
     """Farther than this from the commanded path: stop."""
     depth_tolerance_m: float = 0.001
     """An insertion counts as complete when its measured depth lacks no more than this."""
+    sideways_tolerance_m: float = 0.001
+    """And its hand is no farther beside the planned place than this,"""
+    tilt_tolerance_rad: float = math.radians(1)
+    """nor tilted by more than this."""
     grip_tolerance_m: float = 0.002
     """Fingers that close to a width farther than this from the part's do not hold the part."""
     watchdog_hz: float = 5.0
@@ -143,6 +147,8 @@ _FLOORS = MappingProxyType(
         "start_distance_m": 1e-4,
         "tracking_distance_m": 2e-3,
         "depth_tolerance_m": 1e-4,
+        "sideways_tolerance_m": 1e-4,
+        "tilt_tolerance_rad": 1e-3,
         "grip_tolerance_m": 2e-4,
     }
 )

@@ -48,17 +48,20 @@ class PlanFinding:
         return f"{self.where}: {self.quantity} is {self.value}, limit {self.limit}. {self.remedy}"
 
 
-def require_sound(plan: Plan) -> None:
-    """Return if `plan` may run; InputError with the first findings, each naming place, value, limit and remedy."""
-    found = findings(plan)
+def require_sound(plan: Plan, arm: RobotModel | None = None) -> None:
+    """Return if `plan` may run; InputError with the first findings, each naming place, value, limit and remedy.
+
+    `arm` is the calibrated one that the plan was fitted to; None for one that is as its model.
+    """
+    found = findings(plan, arm)
     if found:
         more = f"\n… and {len(found) - 5} more." if len(found) > 5 else ""
         raise InputError("The plan is refused:\n" + "\n".join(str(f) for f in found[:5]) + more)
 
 
-def findings(plan: Plan) -> list[PlanFinding]:
+def findings(plan: Plan, arm: RobotModel | None = None) -> list[PlanFinding]:
     """Return everything that forbids running `plan`, in the order of the plan; empty means sound."""
-    model = robot_model(plan.robot)
+    model = arm or robot_model(plan.robot)
     out = list(_cell_findings(plan.cell, model))
     previous: Waypoint | None = None
     for i, step in enumerate(plan.steps):

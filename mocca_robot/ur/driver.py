@@ -13,7 +13,7 @@ from types import TracebackType
 
 from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
-from mocca_robot.plan.arm_models import robot_model
+from mocca_robot.plan.arm_models import RobotModel, robot_model
 from mocca_robot.plan.gripper import Grip, Gripper, GripperLost, require_drivable
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Plan, Waypoint
@@ -43,14 +43,21 @@ class UrArm:
     uploads a control script that does not move), and starts the watchdog; until it is left, this process is preferred
     by the scheduler where that is allowed. InputError and EnvironmentNeeded say why a
     robot cannot be used. `cancelled` is asked in every cycle; once it returns a reason, motions end
-    with CANCELLED and that.
+    with CANCELLED and that. `model` is the calibrated arm that `plan` was fitted to, if it was (`plan.calibration`).
     """
 
-    def __init__(self, host: str, plan: Plan, confirm: str, cancelled: Callable[[], str] = lambda: "") -> None:
+    def __init__(
+        self,
+        host: str,
+        plan: Plan,
+        confirm: str,
+        cancelled: Callable[[], str] = lambda: "",
+        model: RobotModel | None = None,
+    ) -> None:
         self.host = host
         self.plan = plan
         self.limits: MotionLimits = plan.cell.limits
-        self.model = robot_model(plan.robot)
+        self.model = model or robot_model(plan.robot)
         self._confirm = confirm
         self._lock = RobotLock(host)
         self._preferred = ExitStack()
@@ -68,7 +75,7 @@ class UrArm:
     # Opening and closing
 
     def __enter__(self) -> UrArm:
-        require_sound(self.plan)
+        require_sound(self.plan, self.model)
         require_drivable(self.plan)
         self._lock.__enter__()
         self._preferred.enter_context(preferred())

@@ -84,6 +84,13 @@ def blocking_findings(
     first = plan.steps[first_step].moves[0].path[0]
     gap, far = float(np.abs(np.subtract(state.q, first.q)).max()), distance_m(state.tcp, first.tcp)
     if gap > limits.start_joint_rad or far > limits.start_distance_m:
+        if gap <= limits.start_joint_rad:
+            yield (
+                f"at the joint angles of step {first_step}'s first waypoint the tool is {1e3 * far:.1f} mm from where "
+                f"the plan has it, limit {1e3 * limits.start_distance_m:g} mm: this arm's calibration is not the "
+                "plan's. Let its primary interface (port 30001) be read, then start again"
+            )
+            return
         yield (
             f"step {first_step} ({plan.steps[first_step].part}), move 0, waypoint 0: the arm stands {gap:.4f} rad and "
             f"{1e3 * far:.1f} mm away, limit {limits.start_joint_rad:g} rad and {1e3 * limits.start_distance_m:g} mm; "

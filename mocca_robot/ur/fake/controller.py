@@ -11,13 +11,18 @@ import json
 import math
 import time
 from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from mocca_robot.arrays import Array
 from mocca_robot.errors import EnvironmentNeeded, InputError
-from mocca_robot.plan.arm_models import robot_model
+from mocca_robot.plan.arm_models import RobotModel, robot_model
+from mocca_robot.plan.calibration import Calibration
 from mocca_robot.plan.plan import Plan
+from mocca_robot.plan.pose import six
+from mocca_robot.ur import primary
 from mocca_robot.ur.fake.arm import NORMAL, PLAYING, PROTECTIVE, ROBOT_EMERGENCY, RUNNING, SAFEGUARD, FakeArm
 from mocca_robot.ur.fake.rtde import VERSION, RtdeServer
 from mocca_robot.ur.fake.world import Fault, Trigger, World
@@ -46,6 +51,20 @@ def _share(slider: float) -> float:
     return slider
 
 
+def _off_by(model: RobotModel, q: Array, distance: float) -> RobotModel:
+    """Return an arm whose flange, at `q`, is so far from its model's: by lengths and angles of every link."""
+    rng = np.random.default_rng(5)
+    lengths, angles = rng.normal(0.0, 1.0, (2, 6)), rng.normal(0.0, 1.0, (2, 6))
+
+    def at(size: float) -> RobotModel:
+        a, d = np.array([model.a, model.d]) + size * lengths
+        theta, alpha = np.array([model.theta, model.alpha]) + 2.0 * size * angles
+        return replace(model, a=six(a), d=six(d), theta=six(theta), alpha=six(alpha))
+
+    unit = float(np.linalg.norm(at(1e-4).tcp_matrix(q)[:3, 3] - model.tcp_matrix(q)[:3, 3]))
+    return at(1e-4 * distance / unit)
+
+
 class FakeController:
     """One controller. `run` serves until it is cancelled."""
 
@@ -60,10 +79,16 @@ class FakeController:
         slider: float = 1.0,
         noise_n: float = 0.0,
         drift_n_min: float = 0.0,
+        calibration_mm: float = 0.0,
     ) -> None:
         model = robot_model(plan.robot if plan else robot)
         world = World.of_plan(plan) if plan else World()
         q = np.array(plan.first_waypoint.q if plan else HOME)
+        if calibration_mm:
+            model = _off_by(model, q, calibration_mm * 1e-3)
+        self.calibration = Calibration(theta=model.theta, a=model.a, d=model.d, alpha=model.alpha)
+        if plan is not None:
+            q = model.solve_pose(plan.first_waypoint.tcp, q, plan.cell.tcp_offset)
         self.arm = FakeArm(model, q, world)
         if plan is not None and plan.gripper == "suction":
             self.arm.wiring = plan.cell.vacuum
@@ -89,6 +114,7 @@ class FakeController:
             30004: self.rtde.serve,
             29999: self._dashboard,
             30003: self._script,
+            primary.PORT: self._primary,
             63352: self._gripper,
             CONTROL_PORT: self._control,
         }
@@ -189,6 +215,24 @@ class FakeController:
                 if text.startswith("def ") and text.rstrip().endswith("\nend"):
                     self.arm.start_program()
                     text = ""
+        except ConnectionError:
+            pass
+        finally:
+            writer.close()
+
+    async def _primary(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Tell who it is, then its state ten times a second, in pieces as a network may deliver it."""
+        version = b"\x00" * 40
+        message = primary.kinematics_message(self.calibration)
+        try:
+            writer.write(primary.HEADER.pack(primary.HEADER.size + len(version), 20) + version)
+            while True:
+                writer.write(message[:100])
+                await writer.drain()
+                await asyncio.sleep(0.05)
+                writer.write(message[100:])
+                await writer.drain()
+                await asyncio.sleep(0.05)
         except ConnectionError:
             pass
         finally:

@@ -20,6 +20,13 @@ def add_fake_ur_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--noise", type=float, default=0.0, metavar="N", help="of the force sensor, 1σ (default 0)")
     parser.add_argument("--drift", type=float, default=0.0, metavar="N/MIN", help="of the force sensor (default 0)")
     parser.add_argument(
+        "--calibration",
+        type=float,
+        default=0.0,
+        metavar="MM",
+        help="how far this arm's flange is from its model's, at its first pose (default 0)",
+    )
+    parser.add_argument(
         "--fault",
         action="append",
         default=[],
@@ -44,6 +51,7 @@ def run_fake_ur(args: argparse.Namespace) -> int:
         slider=args.slider,
         noise_n=args.noise,
         drift_n_min=args.drift,
+        calibration_mm=args.calibration,
     )
 
     def ready() -> None:
