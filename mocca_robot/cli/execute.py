@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from mocca_robot.plan.arm_models import RobotModel
+    from mocca_robot.plan.executor import Execution
     from mocca_robot.plan.journal import Journal, Record, Resolution
     from mocca_robot.plan.plan import Plan
     from mocca_robot.plan.safety import PlanFinding
@@ -206,8 +207,11 @@ def _build(
                 if first >= len(plan.steps):
                     done = {"status": "succeeded", "detail": "every step is finished", "journal": str(target)}
                     return _report(voice, args.json, done)
-                last = _run(args, here, arm, journal, first, voice)
-    return _report(voice, args.json, {**last, "journal": str(target)})
+                result = _run(args, here, arm, journal, first, voice)
+                kept = record is not None or any(e.event == "move_started" for e in result.events)
+                if not kept:
+                    journal.discard()  # nothing was begun: it would only stand in the way of the next attempt
+    return _report(voice, args.json, _last(result, str(target) if kept else ""))
 
 
 def _fitted(host: str, plan: Plan, voice: Voice) -> tuple[Plan, RobotModel]:
@@ -229,10 +233,8 @@ def _fitted(host: str, plan: Plan, voice: Voice) -> tuple[Plan, RobotModel]:
     return fitted(plan, arm), arm
 
 
-def _run(
-    args: argparse.Namespace, plan: Plan, arm: UrArm, journal: Journal, first: int, voice: Voice
-) -> dict[str, Any]:
-    """Return how the build ended, as JSON-ready values."""
+def _run(args: argparse.Namespace, plan: Plan, arm: UrArm, journal: Journal, first: int, voice: Voice) -> Execution:
+    """Return how the build ended."""
     from mocca_robot.plan.executor import execute
     from mocca_robot.plan.person import confirmations
     from mocca_robot.ur.preflight import QUESTION_S, questions
@@ -249,13 +251,17 @@ def _run(
         voice.say(f"about {moving:.0f} s of motion at {args.speed:.0%} speed, with the slider of the pendant at 100 %")
     listener = None if args.json else lambda event: voice.say(_line(event))
     person = Terminal(voice.warn if args.json else voice.say)
-    result = execute(plan, arm, journal, first, listener, speed=args.speed, person=person)
-    last = result.last.document()
+    return execute(plan, arm, journal, first, listener, speed=args.speed, person=person)
+
+
+def _last(result: Execution, journal: str) -> dict[str, Any]:
+    """Return how the build ended, as JSON-ready values."""
     return {
-        **last,
+        **result.last.document(),
         "status": str(result.status),
         "detail": result.detail,
         "steps_finished": result.steps_finished,
+        "journal": journal,
     }
 
 
@@ -271,7 +277,7 @@ def _open_journal(
 
     if record is None:
         return Journal.create(target, plan, robot, plan_file)
-    journal, _ = Journal.reopen(target, plan)
+    journal, _ = Journal.reopen(target, plan, robot)
     _note_resume(journal, plan, record, resolution)
     return journal
 

@@ -103,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
     written = []
     if built.plan is not None and not wrong:
         write_plan(built.plan, target)
-        tray = write_tray(target.parent, built.site, built.cell, built.tray)
+        tray = write_tray(target, built.site, built.cell, built.tray)
         written = [str(target), *(str(t) for t in tray)]
     for line in [*lines(built), *wrong[:10], *(f"wrote {w}" for w in written)]:
         console.say(line)

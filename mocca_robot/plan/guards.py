@@ -35,6 +35,10 @@ RESISTS = 0.7
 CREEPS = 0.05
 """Of the speed that is asked for: what is slower than that stands still, whatever a cell calls slow."""
 STILL_RAD_S = 0.01
+OBEY_S, OBEY_RAD, OBEY_SHARE = 0.3, 0.01, 0.05
+"""Joints that were told to move by more than 0.01 rad in 0.3 s, and did less than a twentieth of it, do not obey."""
+IDLE_S, IDLE_SHARE = 0.3, 0.2
+"""An arm that for this long neither moves nor presses with this share of the push is not pushing."""
 FILTER_S = 0.04
 """Time constant of the filter on forces: white noise at 50 Hz is halved, a contact is seen two cycles later."""
 CONTACT_SAMPLES = 3
@@ -97,6 +101,28 @@ def check_path(state: ArmState, trail: Sequence[Array], limits: MotionLimits) ->
     if gap > limits.tracking_distance_m:
         limit = 1e3 * limits.tracking_distance_m
         raise Stopped(ExecutionStatus.DEVIATED, f"{1e3 * gap:.1f} mm off the path, limit {limit:g} mm", state)
+
+
+class ObeyGuard:
+    """Whether an arm that is led moves at all: another program that took it does not say so, but does not obey."""
+
+    def __init__(self) -> None:
+        self._history: deque[tuple[float, Array, Array]] = deque()
+
+    def check(self, state: ArmState, goal: Array) -> None:
+        """Stop when joints stand still that were told to move, as fast as half a second shows it."""
+        q, history = np.array(state.q), self._history
+        history.append((state.time_s, goal, q))
+        while len(history) > 2 and history[1][0] <= state.time_s - OBEY_S:
+            history.popleft()
+        since, first, before = history[0]
+        asked, done = float(np.abs(goal - first).max()), float(np.abs(q - before).max())
+        if state.time_s - since >= OBEY_S and asked > OBEY_RAD and done < OBEY_SHARE * asked:
+            detail = (
+                f"the arm does not follow: told to move a joint by {asked:.3f} rad in {state.time_s - since:.2f} s, it "
+                f"moved {done:.3f} rad; another program may have taken it"
+            )
+            raise Stopped(ExecutionStatus.DEVIATED, detail, state)
 
 
 def check_start(state: ArmState, first: Waypoint, limits: MotionLimits) -> None:
@@ -204,6 +230,19 @@ class PushGuard:
         self._check_jam(state)
         return False
 
+    def _check_idle(self, state: ArmState, grace_s: float, creeps: float) -> None:
+        """An arm that neither moves nor presses is in nobody's force mode, or in somebody else's hands."""
+        recent = [h for h in self._history if h[0] >= state.time_s - IDLE_S]
+        span = recent[-1][0] - recent[0][0]
+        if state.time_s - self.start.time_s < grace_s + IDLE_S or span < 0.8 * IDLE_S:
+            return
+        moved, pressed = abs(recent[-1][1] - recent[0][1]), max(h[2] for h in recent)
+        if moved < creeps * span and pressed < IDLE_SHARE * self.limits.push_force_n:
+            detail = (
+                f"the arm does not push: it neither moves nor presses ({pressed:.1f} N); another program may have it"
+            )
+            raise Stopped(ExecutionStatus.DEVIATED, detail, state)
+
     def _check_jam(self, state: ArmState) -> None:
         """Jam: slow for 0.25 s against most of the push; stall: slow for 1 s at any force.
 
@@ -217,6 +256,7 @@ class PushGuard:
         stall_s, grace_s = STALL_S / share, PUSH_GRACE_S / share
         while history[0][0] < now - 2.0 * stall_s:
             history.popleft()
+        self._check_idle(state, grace_s, CREEPS * asked)
         hard = min(limits.jam_force_n, RESISTS * limits.push_force_n)
         for window, force, speed in ((limits.jam_time_s, hard, slow), (stall_s, 0.0, max(slow, CREEPS * asked))):
             first = max((k for k, h in enumerate(history) if h[0] <= now - window), default=None)

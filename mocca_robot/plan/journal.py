@@ -73,9 +73,17 @@ class Journal:
         return journal
 
     @classmethod
-    def reopen(cls, path: Path | str, plan: Plan) -> tuple[Journal, Record]:
-        """Return an existing journal opened for appending, and what it holds; InputError if it is of another plan."""
+    def reopen(cls, path: Path | str, plan: Plan, robot: str) -> tuple[Journal, Record]:
+        """Return an existing journal opened for appending, and what it holds.
+
+        InputError if it is of another plan, or of another robot: the parts that it speaks of stand elsewhere.
+        """
         record = read_journal(path)
+        if record.robot != robot:
+            raise InputError(
+                f"The journal {path} was begun on robot {record.robot}, and this is robot {robot}: what is built "
+                "stands in front of the other one. Connect to that, or begin a new journal here."
+            )
         if record.plan_sha256 != plan.sha256:
             raise InputError(
                 f"The journal {path} belongs to a plan with hash {record.plan_sha256[:12]}…, not to this one "

@@ -20,6 +20,7 @@ from mocca_robot.plan.guards import (
     SEATING_PACE,
     Deadline,
     ForceGuard,
+    ObeyGuard,
     PushGuard,
     arrived,
     check_path,
@@ -142,12 +143,14 @@ class Motions:
             deadline = Deadline(way.last_s / self.speed, self.arm.now())
             trail: deque[Array] = deque(maxlen=TRAIL)
             forces = ForceGuard(self._bias, self.limits, force_limit_n, contact_force_n)
+            obeys = ObeyGuard()
             while True:
                 reached[0] = way.advance(state)
                 trail.append(way.place)
                 self.arm.servo(way.goal)
                 state = self.arm.attend()
                 forces.check(state)
+                obeys.check(state, way.goal)
                 check_path(state, trail, self.limits)
                 if way.over and arrived(state, path[-1], self.limits):
                     break

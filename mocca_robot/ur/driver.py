@@ -26,7 +26,7 @@ from mocca_robot.ur.grippers import connect
 from mocca_robot.ur.link import ChildLink, LinkLost
 from mocca_robot.ur.monitor import CONNECT_S, CYCLE_S, Monitor
 from mocca_robot.ur.owner import RobotLock
-from mocca_robot.ur.preflight import blocking_findings, require_robot
+from mocca_robot.ur.preflight import blocking_findings, require_robot, wrong_payload
 from mocca_robot.ur.priority import preferred
 
 CALL_S = 1.0
@@ -94,6 +94,9 @@ class UrArm:
             raise InputError(f"Robot {self.host} cannot be used: {error}. Nothing was moved.") from error
         except Stopped as stop:
             self.__exit__(None, None, None)
+            if stop.status is ExecutionStatus.CANCELLED:
+                words = f"Cancelled while connecting to robot {self.host} ({stop.detail}). Nothing was moved."
+                raise InputError(words) from stop
             remedy = "A person has to clear this at the pendant"
             if stop.status is ExecutionStatus.CONNECTION_LOST:
                 remedy = "Check the cable and the controller's RTDE service"
@@ -132,14 +135,18 @@ class UrArm:
     def preflight(self, plan: Plan, first_step: int) -> MotionOutcome:
         """Return SUCCEEDED, or REFUSED naming what must be put right before `first_step` can start."""
         try:
-            self._order("setPayload", plan.cell.tool_mass_kg, list(plan.cell.tool_cog_m))
-            self._settle(0.1)
             state = self.watch()
             tcp = self._hands_call("getTCPOffset")
             assert self._gripper is not None
             problem = self._gripper.unready(state) or next(
                 blocking_findings(plan, first_step, state, tcp, self._safe), ""
             )
+            if not problem:
+                # Not before: what is refused may still have a part in its hand, and keeps its payload.
+                self._order("setPayload", plan.cell.tool_mass_kg, list(plan.cell.tool_cog_m))
+                self._settle(0.1)
+                state = self.watch()
+                problem = wrong_payload(plan, state)
         except GripperLost as error:
             problem = str(error)
         except Stopped as stop:
@@ -147,9 +154,8 @@ class UrArm:
         if problem:
             return MotionOutcome(ExecutionStatus.REFUSED, problem, state)
         self._cleared = True
-        return MotionOutcome(
-            ExecutionStatus.SUCCEEDED, f"preflight passed; speed slider at {state.speed_scaling:.0%}", state
-        )
+        words = f"preflight passed; speed slider at {state.speed_scaling:.0%}"
+        return MotionOutcome(ExecutionStatus.SUCCEEDED, words, state)
 
     def _require_clearance(self) -> None:
         if not self._cleared:

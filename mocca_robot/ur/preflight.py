@@ -79,8 +79,6 @@ def blocking_findings(
         or angle_rad(read, plan.cell.tcp_offset) > 1e-3
     ):
         yield f"the TCP offset reads back as {np.round(read, 4).tolist()}, the plan has {list(plan.cell.tcp_offset)}"
-    if abs(state.payload_kg - plan.cell.tool_mass_kg) > 1e-3:
-        yield f"the payload reads back as {state.payload_kg:.3f} kg, the gripper weighs {plan.cell.tool_mass_kg:.3f} kg"
     first = plan.steps[first_step].moves[0].path[0]
     gap, far = float(np.abs(np.subtract(state.q, first.q)).max()), distance_m(state.tcp, first.tcp)
     if gap > limits.start_joint_rad or far > limits.start_distance_m:
@@ -104,6 +102,13 @@ def blocking_findings(
                 f"limits: {np.round(place.tcp[:3], 3).tolist()} m; plan inside them, or have the "
                 "safety configuration reviewed"
             )
+
+
+def wrong_payload(plan: Plan, state: ArmState) -> str:
+    """Return '' or that the controller does not calculate with the empty gripper, as it was told to."""
+    if abs(state.payload_kg - plan.cell.tool_mass_kg) <= 1e-3:
+        return ""
+    return f"the payload reads back as {state.payload_kg:.3f} kg, the gripper weighs {plan.cell.tool_mass_kg:.3f} kg"
 
 
 def questions(plan: Plan, first_step: int) -> Iterator[tuple[int, int, int, Waypoint]]:

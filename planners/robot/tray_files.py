@@ -25,17 +25,22 @@ WALL_M = 0.003
 BOARD = "board"
 
 
-def write_tray(folder: Path, site: Site, cell: RobotCell, tray: Tray) -> list[Path]:
-    """Return the files written into `folder`: tray.svg and tray.dxf, and nests/PART.stl for solid parts."""
-    sheet = tray_sheet(site, cell, tray)
+def write_tray(plan: Path, site: Site, cell: RobotCell, tray: Tray) -> list[Path]:
+    """Return the files written beside `plan`: tray.svg and tray.dxf, and nests/PART.stl for solid parts.
+
+    Those of a plan that is not called plan.json begin with its name: several plans lie in one folder.
+    """
+    sheet, folder = tray_sheet(site, cell, tray), plan.parent
+    mine = "" if plan.stem == "plan" else f"{plan.stem}."
     out = [
-        write_atomic(folder / "tray.svg", svg_text(sheet, True)),
-        write_atomic(folder / "tray.dxf", dxf_text(sheet, True)),
+        write_atomic(folder / f"{mine}tray.svg", svg_text(sheet, True)),
+        write_atomic(folder / f"{mine}tray.dxf", dxf_text(sheet, True)),
     ]
     if site.assembly.dimension == 3:
-        (folder / "nests").mkdir(parents=True, exist_ok=True)
+        nests = folder / f"{mine}nests"
+        nests.mkdir(parents=True, exist_ok=True)
         for name in tray.motions:
-            out.append(write_part(nest(site, cell, tray, name), folder / "nests" / f"{name}.stl", units="mm"))
+            out.append(write_part(nest(site, cell, tray, name), nests / f"{name}.stl", units="mm"))
     return out
 
 

@@ -64,7 +64,7 @@ def test_line_cut_anywhere_is_reported_and_not_counted(tmp_path: Path) -> None:
 def test_resume_after_a_cut_line_keeps_it_as_evidence_and_stays_readable(tmp_path: Path) -> None:
     path = written(tmp_path / "j", event("step_started", 0), event("step_finished", 0))
     path.write_bytes(path.read_bytes()[:-20])
-    journal, record = Journal.reopen(path, PLAN)
+    journal, record = Journal.reopen(path, PLAN, "robot-1")
     with journal:
         journal.append(event("resumed"))
         journal.append(event("resolved_placed", 0))
@@ -97,7 +97,7 @@ def test_journal_is_never_overwritten_and_never_continued_with_another_plan(tmp_
     with pytest.raises(InputError, match="--resume"):
         Journal.create(path, PLAN, "r")
     with pytest.raises(InputError, match="another or an edited plan is never resumed"):
-        Journal.reopen(path, OTHER)
+        Journal.reopen(path, OTHER, "robot-1")
 
 
 def test_nothing_is_repeated_by_itself(tmp_path: Path) -> None:
@@ -168,3 +168,11 @@ def test_a_journal_that_cannot_be_begun_leaves_no_file_that_would_block_the_next
     with pytest.raises(JournalLost, match="cannot be written"):
         Journal.create(tmp_path / "j", PLAN, "robot-1")
     assert not (tmp_path / "j").exists()
+
+
+def test_a_journal_of_another_robot_is_not_continued(tmp_path: Path) -> None:
+    path = written(tmp_path / "j", event("step_started", 0), event("step_finished", 0))
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="begun on robot robot-1, and this is robot robot-2"):
+        Journal.reopen(path, PLAN, "robot-2")
+    assert path.read_bytes() == before

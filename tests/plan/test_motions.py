@@ -11,6 +11,7 @@ from ur_cell import CELL, MODEL, REST, TOOL, small_plan
 
 from mocca_robot.arrays import Array
 from mocca_robot.plan.gripper import Grip
+from mocca_robot.plan.guards import OBEY_RAD
 from mocca_robot.plan.motions import LEAD_IN_S, Motions
 from mocca_robot.plan.plan import MoveKind, Plan, insertion_axis
 from mocca_robot.plan.pose import Six, Three, six
@@ -38,7 +39,8 @@ class Obedient:
     def __init__(self, trouble: Trouble = quiet, q: Six = MOVES[MoveKind.APPROACH].path[0].q) -> None:
         self.q = np.array(q)
         self.time_s = 0.0
-        self.speed_scaling, self.payload_kg, self.lag, self.force = 1.0, 0.0, 0.0, np.zeros(6)
+        self.speed_scaling, self.payload_kg, self.reach, self.force = 1.0, 0.0, 1.0, np.zeros(6)
+        self._start = np.array(q)
         self.commands: list[str] = []
         self.shown: list[str] = []
         self.halted: list[Stopped] = []
@@ -76,7 +78,7 @@ class Obedient:
         self.time_s += CYCLE_S
         before = self.q
         if self._goal is not None:
-            self.q = before + (self._goal - before) * (1.0 - self.lag)
+            self.q = self._start + (self._goal - self._start) * self.reach
         if self._push is not None:
             axis, speed = self._push
             pose = np.array(MODEL.tcp_pose(before, TOOL))
@@ -199,13 +201,24 @@ def test_a_path_takes_as_much_longer_as_it_is_followed_slower(speed: float) -> N
 
 
 def test_an_arm_that_does_not_get_there_is_given_up_at_a_deadline_on_its_own_clock() -> None:
-    arm = Obedient()
-    arm.lag = 1.0  # it never moves, and stays within reach of the path's trail
-    outcome = follow(Motions(arm))
-    last = max(MOVES[MoveKind.APPROACH].path[-1].t, LEAD_IN_S)
+    path = MOVES[MoveKind.TRANSIT].path
+    arm = Obedient(q=path[0].q)
+    arm.reach = 0.8  # it stays behind, though within reach of the path's trail
+    outcome = Motions(arm).follow(path, force_limit_n=20.0, contact_force_n=None)
+    last = max(path[-1].t, LEAD_IN_S)
     assert outcome.status is ExecutionStatus.TIMED_OUT
     assert arm.time_s == pytest.approx(1.1 * last + 2.0, abs=2.0 * CYCLE_S)
-    assert outcome.waypoint == len(MOVES[MoveKind.APPROACH].path) - 1
+    assert outcome.waypoint == len(path) - 1
+
+
+def test_an_arm_that_does_not_obey_is_noticed_in_a_third_of_a_second() -> None:
+    path = MOVES[MoveKind.TRANSIT].path
+    arm = Obedient(q=path[0].q)
+    arm.reach = 0.0
+    outcome = Motions(arm).follow(path, force_limit_n=20.0, contact_force_n=None)
+    moving = next(w.t for w in path if np.abs(np.subtract(w.q, path[0].q)).max() > OBEY_RAD)
+    assert outcome.status is ExecutionStatus.DEVIATED and "the arm does not follow" in outcome.detail
+    assert arm.time_s < moving + 0.35
 
 
 def test_a_force_that_zeroing_does_not_explain_is_refused_and_a_payload_that_is_not_taken_too() -> None:

@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -356,6 +357,46 @@ def test_kill_9_ends_motion_and_the_resume_repeats_nothing_by_itself(tmp_path: P
         again = run("execute", "--resume", journal, "--robot", host, *arguments)
         assert again.returncode == 0 and "finished already" in again.stdout
         assert ask(host)["begun"] == after
+
+
+@undisturbed
+def test_a_refused_start_leaves_no_journal_and_no_other_payload(tmp_path: Path) -> None:
+    one_file = written(ONE, tmp_path)
+    with fake_controller(one_file, loopback(16)) as host:
+        arguments = ("execute", one_file, "--robot", host, "--confirm", SERIAL)
+        ask(host, q=list(np.add(ONE.first_waypoint.q, [0, 0, 0, 0, 0, 0.02])))
+        ask(host, payload_kg=1.1)  # what it carries since it was stopped
+        refused = run(*arguments)
+        assert refused.returncode == 1 and "the arm stands" in refused.stdout
+        assert ask(host)["payload_kg"] == 1.1
+        assert not one_file.with_suffix(".journal.jsonl").exists()
+        ask(host, q=list(ONE.first_waypoint.q))
+        again = run(*arguments)
+        assert again.returncode == 0, again.stdout + again.stderr
+
+
+@undisturbed
+def test_a_build_is_not_continued_on_another_robot(tmp_path: Path) -> None:
+    plan = replace(TWO, cell=replace(TWO.cell, serial=None))
+    two_file, journal = written(plan, tmp_path), tmp_path / "build.jsonl"
+    with Journal.create(journal, plan, "20265500001", two_file):
+        pass
+    with fake_controller(two_file, loopback(17), "--serial", "777") as host:
+        done = run("execute", "--resume", journal, "--robot", host, "--confirm", "777")
+        truth = ask(host)
+    assert done.returncode == 2 and "begun on robot 20265500001, and this is robot 777" in done.stderr
+    assert truth["begun"] == {} and len(read_journal(journal).events) == 0
+
+
+@undisturbed
+def test_ctrl_c_while_connecting_is_called_that(tmp_path: Path) -> None:
+    one_file = written(ONE, tmp_path)
+    with (
+        fake_controller(one_file, loopback(18)) as host,
+        pytest.raises(InputError, match=r"Cancelled while connecting .*Nothing was moved"),
+        UrArm(host, ONE, SERIAL, cancelled=lambda: "cancelled by the user"),
+    ):
+        pass
 
 
 @undisturbed

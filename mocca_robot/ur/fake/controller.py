@@ -278,6 +278,8 @@ class FakeController:
                 arm.q = np.array([float(v) for v in request["q"]])
             elif "gripper_m" in request:
                 arm.gripper_m, arm.gripper_blocked = float(request["gripper_m"]), False
+            elif "payload_kg" in request:
+                arm.payload_kg = float(request["payload_kg"])
             elif "slider" in request:
                 arm.slider = _share(float(request["slider"]))
             elif "output" in request:
