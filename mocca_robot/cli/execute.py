@@ -8,29 +8,24 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mocca_robot.cli.build import build
 from mocca_robot.cli.exit_code import positive_if
-from mocca_robot.cli.terminal import Terminal
 from mocca_robot.cli.voice import Voice
-from mocca_robot.errors import InputError
+from mocca_robot.errors import InputError, nearest
 from mocca_robot.ur.fake.serve import add_fake_ur_options, run_fake_ur
 
 SLOWEST = 0.01
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
-    from mocca_robot.plan.arm_models import RobotModel
-    from mocca_robot.plan.executor import Execution
-    from mocca_robot.plan.journal import Journal, Record, Resolution
+    from mocca_robot.plan.journal import Record, Resolution
     from mocca_robot.plan.plan import Plan
     from mocca_robot.plan.safety import PlanFinding
-    from mocca_robot.plan.status import ExecutionEvent
-    from mocca_robot.ur.driver import UrArm
 
 
 def register(subparsers: Any) -> None:
@@ -60,6 +55,12 @@ def add_execute_options(parser: argparse.ArgumentParser) -> None:
         metavar="SHARE",
         help="of the planned speeds, 0.01 to 1 (default 1); the pendant's slider slows down further",
     )
+    parser.add_argument(
+        "--parts",
+        metavar="NAME..NAME",
+        help="only these steps: NAME..NAME, NAME.., ..NAME or NAME; the rest another time",
+    )
+    parser.add_argument("--step", action="store_true", help="confirm every move, here and on the pendant's popup")
     parser.add_argument("--journal", type=Path, help="journal to write (default: PLAN.journal.jsonl)")
     parser.add_argument("--resume", type=Path, metavar="JOURNAL", help="go on after an interruption")
     parser.add_argument(
@@ -78,6 +79,7 @@ def run_execute(args: argparse.Namespace) -> int:
     """Run `execute`: a dry run, or an execution on a robot."""
     from mocca_robot.plan.journal import next_step, read_journal
     from mocca_robot.plan.reader import read_plan
+    from mocca_robot.plan.safety import require_sound
 
     if not SLOWEST <= args.speed <= 1.0:
         raise InputError(f"--speed is {args.speed:g}; give a share of the planned speeds from {SLOWEST:g} to 1.")
@@ -93,14 +95,17 @@ def run_execute(args: argparse.Namespace) -> int:
     _require_same_plan(plan, record)
     resolution = _resolution(args.resolve) if args.resolve else None
     first = next_step(record, plan, resolution) if record is not None else 0
+    first, last = _part_range(args.parts, plan, first, record is not None)
     if args.robot is None:
-        return _dry_run(plan, first, args, path)
+        return _dry_run(plan, first, last, args, path)
     if args.confirm is None:
         raise InputError(
             f"--robot {args.robot} would move an arm. Add --confirm with its serial number (on the pendant: Settings, "
             "About), after a dry run and with the cell clear."
         )
-    return _build(args, plan, path, record, first, resolution)
+    require_sound(plan)
+    _require_looked_at(plan, path, args)
+    return build(args, plan, path, record, range(first, last + 1), resolution)
 
 
 def _require_same_plan(plan: Plan, record: Record | None) -> None:
@@ -120,10 +125,10 @@ def _resolution(text: str) -> tuple[str, Resolution]:
     raise InputError(f"--resolve is '{text}'; write PART=placed or PART=repeat.")
 
 
-def _dry_run(plan: Plan, first: int, args: argparse.Namespace, plan_file: Path) -> int:
+def _dry_run(plan: Plan, first: int, last: int, args: argparse.Namespace, plan_file: Path) -> int:
     from mocca_robot.plan.dry_run import dry_run
 
-    result = dry_run(plan, first)
+    result = dry_run(plan, first, last)
     found, untaken = (result.findings, "") if result.findings else look(plan, plan_file, args.design)
     result = replace(result, findings=tuple(found))
     voice = Voice()
@@ -161,175 +166,26 @@ def _require_looked_at(plan: Plan, plan_file: Path, args: argparse.Namespace) ->
         )
 
 
-def _build(
-    args: argparse.Namespace,
-    plan: Plan,
-    path: Path,
-    record: Record | None,
-    first: int,
-    resolution: tuple[str, Resolution] | None,
-) -> int:
-    """Build on a robot. What ends it early stops the arm and is journalled; only a finished build returns 0."""
-    from mocca_robot.plan.person import confirmations
-    from mocca_robot.plan.safety import require_sound
-    from mocca_robot.ur.driver import UrArm
-    from mocca_robot.ur.link import require_client
-
-    require_sound(plan)
-    _require_looked_at(plan, path, args)
-    require_client()
-    voice = Voice()
-    if record is not None and record.truncated is not None:
-        voice.warn(f"note: a line of the journal was cut off while it was written: {record.truncated[:60]}")
-    if first >= len(plan.steps) and (resolution is None or record is None):
-        done = {"status": "succeeded", "detail": "every step is finished already", "journal": ""}
-        return _report(voice, args.json, done)
-    target = args.resume if args.resume is not None else args.journal or path.with_suffix(".journal.jsonl")
-    if record is None and target.exists():
+def _part_range(text: str | None, plan: Plan, first: int, resumed: bool) -> tuple[int, int]:
+    """Return the first and the last step that `--parts` asks for; `first` is where a build, or its journal, begins."""
+    last = len(plan.steps) - 1
+    if text is None or first > last:
+        return first, last
+    names = [s.part for s in plan.steps]
+    begin, dots, end = text.partition("..")
+    for name in (begin, end):
+        if name and name not in names:
+            raise InputError(f"--parts names '{name}'; {nearest(name, names)}")
+    low = names.index(begin) if begin else first
+    high = names.index(end) if end else (last if dots else low)
+    if resumed and low != first:
         raise InputError(
-            f"The journal {target} exists. Continue it with --resume {target}, or name another with --journal."
+            f"--parts begins with {names[low]}, but the journal goes on with {names[first]}. Write ..NAME to say where "
+            "to end."
         )
-    if (asked := confirmations(plan, first)) and not Terminal(voice.say).there:
-        raise InputError(
-            f"Somebody has to confirm what happens to {', '.join(asked)}, but there is no input to answer on. Run this "
-            "in a terminal."
-        )
-    with _Signals() as interrupted:
-
-        def cancelled() -> str:
-            unheard = "nobody reads what this program says any more (its output was closed)" if voice.deaf else ""
-            return interrupted() or unheard
-
-        here, model = _fitted(args.robot, plan, voice)
-        with UrArm(args.robot, here, args.confirm, cancelled, model) as arm:
-            journal = _open_journal(target, plan, arm.name, path, record, resolution)
-            with journal:
-                if first >= len(plan.steps):
-                    done = {"status": "succeeded", "detail": "every step is finished", "journal": str(target)}
-                    return _report(voice, args.json, done)
-                result = _run(args, here, arm, journal, first, voice)
-                kept = record is not None or any(e.event == "move_started" for e in result.events)
-                if not kept:
-                    journal.discard()  # nothing was begun: it would only stand in the way of the next attempt
-    return _report(voice, args.json, _last(result, str(target) if kept else ""))
-
-
-def _fitted(host: str, plan: Plan, voice: Voice) -> tuple[Plan, RobotModel]:
-    """Return the plan for the arm that answers at `host`, as its factory measured it, and that arm."""
-    from mocca_robot.plan.arm_models import robot_model
-    from mocca_robot.plan.calibration import calibrated, difference, fitted
-    from mocca_robot.ur.primary import read_calibration
-
-    nominal = robot_model(plan.robot)
-    calibration = read_calibration(host)
-    if calibration is None:
-        unknown = f"note: {host} does not tell its arm's calibration (port 30001)"
-        voice.warn(f"{unknown}: it is taken for a {plan.robot} as published")
-        return plan, nominal
-    arm = calibrated(nominal, calibration)
-    gap, turn = difference(nominal, arm)
-    far = f"{1e3 * gap:.1f} mm and {math.degrees(turn):.2f}°"
-    voice.warn(f"note: the plan is fitted to this arm: its flange is up to {far} from where a {plan.robot}'s is")
-    return fitted(plan, arm), arm
-
-
-def _run(args: argparse.Namespace, plan: Plan, arm: UrArm, journal: Journal, first: int, voice: Voice) -> Execution:
-    """Return how the build ended."""
-    from mocca_robot.plan.executor import execute
-    from mocca_robot.plan.person import confirmations
-    from mocca_robot.ur.preflight import QUESTION_S, questions
-
-    if not args.json:
-        places = sum(1 for _ in questions(plan, first))
-        voice.say(
-            f"before it moves, {places} places are put to the robot's own safety limits: "
-            f"about {places * QUESTION_S:.0f} s"
-        )
-        moving = sum(m.path[-1].t - m.path[0].t for s in plan.steps[first:] for m in s.moves) / args.speed
-        if asked := confirmations(plan, first):
-            voice.say(f"you will be asked, here and on the pendant, about: {', '.join(asked)}")
-        voice.say(f"about {moving:.0f} s of motion at {args.speed:.0%} speed, with the slider of the pendant at 100 %")
-    listener = None if args.json else lambda event: voice.say(_line(event))
-    person = Terminal(voice.warn if args.json else voice.say)
-    return execute(plan, arm, journal, first, listener, speed=args.speed, person=person)
-
-
-def _last(result: Execution, journal: str) -> dict[str, Any]:
-    """Return how the build ended, as JSON-ready values."""
-    return {
-        **result.last.document(),
-        "status": str(result.status),
-        "detail": result.detail,
-        "steps_finished": result.steps_finished,
-        "journal": journal,
-    }
-
-
-def _open_journal(
-    target: Path,
-    plan: Plan,
-    robot: str,
-    plan_file: Path,
-    record: Record | None,
-    resolution: tuple[str, Resolution] | None,
-) -> Journal:
-    from mocca_robot.plan.journal import Journal
-
-    if record is None:
-        return Journal.create(target, plan, robot, plan_file)
-    journal, _ = Journal.reopen(target, plan, robot)
-    _note_resume(journal, plan, record, resolution)
-    return journal
-
-
-class _Signals:
-    """Ctrl-C, SIGTERM and a closed terminal inside only leave word: the arm then stops within one cycle."""
-
-    def __enter__(self) -> Callable[[], str]:
-        import signal
-
-        heard: list[int] = []
-        numbers = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
-        self._before = {n: signal.signal(n, lambda number, _: heard.append(number)) for n in numbers}
-        return lambda: "cancelled by the user" if heard else ""
-
-    def __exit__(self, *_: object) -> None:
-        import signal
-
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-
-def _note_resume(journal: Journal, plan: Plan, record: Record, resolution: tuple[str, Resolution] | None) -> None:
-    """Write that and how a person resumed: the mark comes first, right after a line that may have been cut off."""
-    from mocca_robot.plan.journal import utc_now
-    from mocca_robot.plan.status import ExecutionEvent
-
-    journal.append(ExecutionEvent(time_utc=utc_now(), event="resumed"))
-    if resolution is not None and record.unfinished is not None:
-        part = plan.steps[record.unfinished].part
-        resolved = f"resolved_{resolution[1]}"
-        journal.append(ExecutionEvent(time_utc=utc_now(), event=resolved, step=record.unfinished, part=part))
-
-
-def _report(voice: Voice, as_json: bool, values: dict[str, Any]) -> int:
-    if as_json:
-        voice.say(json.dumps(values))
-    else:
-        where = f" at step {values['step']} ({values.get('part')})" if values.get("step") is not None else ""
-        voice.say(f"{values['status']}{where}: {values.get('detail', '')}".rstrip(": "))
-        if values["status"] != "succeeded":
-            seen = values.get("stop_observed")
-            measured = "yes" if seen else "not needed" if seen is None else "NO: look at the robot"
-            voice.say(f"standstill measured: {measured}")
-        if values.get("journal"):
-            voice.say(f"journal: {values['journal']}")
-    return positive_if(values["status"] == "succeeded")
-
-
-def _line(event: ExecutionEvent) -> str:
-    where = " ".join(str(v) for v in (event.part, event.kind) if v is not None)
-    return f"{event.time_utc}  {event.event:15s} {where:20s} {event.status or ''} {event.detail}".rstrip()
+    if low > high:
+        raise InputError(f"--parts is '{text}', but {names[low]} comes after {names[high]} in the plan. Swap them.")
+    return low, high
 
 
 def export_urscript(plan_file: Path, output: Path, design: Path | None = None) -> Path:

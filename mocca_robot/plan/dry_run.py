@@ -104,11 +104,11 @@ def _gripper(plan: Plan, opening_m: float) -> str:
     return f"vacuum {'on' if opening_m < 0.5 * sum(plan.cell.gripper_stroke_m) else 'off'}"
 
 
-def dry_run(plan: Plan, first_step: int = 0) -> DryRun:
-    """Return every waypoint of `plan` from `first_step` on, with the findings of the whole plan."""
+def dry_run(plan: Plan, first_step: int = 0, last_step: int | None = None) -> DryRun:
+    """Return every waypoint of `plan` from `first_step` on, to `last_step`, with the findings of the whole plan."""
     rows: list[Row] = []
     seconds = []
-    for i in range(first_step, len(plan.steps)):
+    for i in range(first_step, len(plan.steps) if last_step is None else last_step + 1):
         step = plan.steps[i]
         total = 0.0
         for k, move in enumerate(step.moves):

@@ -76,17 +76,20 @@ def execute(
     *,
     speed: float = 1.0,
     person: Person | None = None,
+    last_step: int | None = None,
+    stepwise: bool = False,
 ) -> Execution:
     """Return how building `plan` on `arm` ended, from `first_step` on, at a share `speed` of the planned speeds.
 
-    `person` confirms before a part is let go that something has to hold, and after grips that nothing measures; without
-    one such a build ends there. Every event is in the journal before the next motion begins: UNRECORDED when it cannot
-    be. The first motion that does not succeed ends the execution; its event carries status, measured pose, force and
-    whether the stop was seen.
+    It ends after `last_step`; `stepwise`, `person` confirms every move. They confirm before a part is let go that
+    something has to hold, and after grips that nothing measures; without one such a build ends there. Every event is in
+    the journal before the next motion begins: UNRECORDED when it cannot be. The first motion that does not succeed ends
+    the execution; its event carries status, measured pose, force and whether the stop was seen.
     """
     record = _Recorder(journal, listener)
     try:
-        outcome = _steps(plan, first_step, Motions(arm, speed, person), record)
+        last = len(plan.steps) - 1 if last_step is None else last_step
+        outcome = _steps(plan, range(first_step, last + 1), Motions(arm, speed, person), record, stepwise)
     except JournalLost as lost:
         record.journal = None
         outcome = arm.halt(Stopped(ExecutionStatus.UNRECORDED, str(lost)))
@@ -102,29 +105,34 @@ def execute(
     return Execution(outcome.status, record.events[-1].detail, finished, tuple(record.events))
 
 
-def _steps(plan: Plan, first_step: int, motions: Motions, record: _Recorder) -> MotionOutcome:
+def _steps(plan: Plan, steps: range, motions: Motions, record: _Recorder, stepwise: bool) -> MotionOutcome:
     """Return how the last step ended that was begun, or the preflight."""
-    outcome = motions.arm.preflight(plan, first_step)
+    outcome = motions.arm.preflight(plan, steps.start)
     record(_event("preflight", outcome))
     if not outcome.succeeded:
         return outcome
-    for i in range(first_step, len(plan.steps)):
+    for i in steps:
         part = plan.steps[i].part
         record(ExecutionEvent(time_utc=utc_now(), event="step_started", step=i, part=part))
-        outcome = _run_step(plan, i, motions, record)
+        outcome = _run_step(plan, i, motions, record, stepwise)
         if not outcome.succeeded:
             return outcome
         record(_event("step_finished", outcome, i, part))
     return outcome
 
 
-def _run_step(plan: Plan, index: int, arm: Motions, record: _Recorder) -> MotionOutcome:
+def _run_step(plan: Plan, index: int, arm: Motions, record: _Recorder, stepwise: bool) -> MotionOutcome:
     step = plan.steps[index]
     if words := disorder(step):
         return MotionOutcome(ExecutionStatus.REFUSED, words)
     outcome = MotionOutcome(ExecutionStatus.SUCCEEDED)
     opened: float | None = None
     for k, (hand, move) in enumerate(zip(hands(step), step.moves, strict=False)):
+        if stepwise:
+            outcome = arm.confirm(f"Next, for {step.part}: {move.kind} ({move.path[-1].t:.0f} s).")
+            if not outcome.succeeded:
+                record(_event("move_stopped", outcome, index, step.part, k, move.kind))
+                return outcome
         record(
             ExecutionEvent(time_utc=utc_now(), event="move_started", step=index, part=step.part, move=k, kind=move.kind)
         )

@@ -153,9 +153,9 @@ class Deadline:
         self.seconds = seconds
         self._left, self._grace, self._now = 1.1 * seconds, GRACE_S, now
 
-    def check(self, state: ArmState, now: float) -> None:
-        """Stop with TIMED_OUT once the time is over; to be called in every cycle."""
-        passed, self._now = now - self._now, now
+    def check(self, state: ArmState, now: float, going: float = 1.0) -> None:
+        """Stop with TIMED_OUT once the time is over; to be called in every cycle. `going` is 0 during a pause."""
+        passed, self._now = (now - self._now) * going, now
         if self._left > 0.0:
             self._left -= passed * state.speed_scaling
             return

@@ -41,6 +41,8 @@ HURRY = 1.2
 """How much longer than its fellows a cycle may count on the path's clock."""
 AVERAGE_S, FEWEST = 0.4, 8
 """A bias is the mean of what the sensor shows in this time, of so many samples at least."""
+PAUSE_S = 0.5
+"""In which a path comes to a halt, and back to its speed."""
 TRAIL = 50
 """Commands that the arm may lag behind."""
 
@@ -145,7 +147,7 @@ class Motions:
             forces = ForceGuard(self._bias, self.limits, force_limit_n, contact_force_n)
             obeys = ObeyGuard()
             while True:
-                reached[0] = way.advance(state)
+                reached[0] = way.advance(state, self.person.paused())
                 trail.append(way.place)
                 self.arm.servo(way.goal)
                 state = self.arm.attend()
@@ -154,7 +156,7 @@ class Motions:
                 check_path(state, trail, self.limits)
                 if way.over and arrived(state, path[-1], self.limits):
                     break
-                deadline.check(state, self.arm.now())
+                deadline.check(state, self.arm.now(), way.going)
             self.arm.end_servo()
             return MotionOutcome(ExecutionStatus.SUCCEEDED, "", self.arm.watch(), waypoint=len(path) - 1)
 
@@ -228,7 +230,10 @@ class Motions:
 
 
 class _Way:
-    """A path with its clock: `goal` (6,) is what to command now, `place` (3,) where the planned tool is."""
+    """A path with its clock: `goal` (6,) is what to command now, `place` (3,) where the planned tool is.
+
+    `going` is the share of its speed at which the clock runs: 0 while paused.
+    """
 
     def __init__(self, path: Sequence[Waypoint], state: ArmState, lead_in_s: float, speed: float) -> None:
         self._times = np.array([w.t - path[0].t for w in path])
@@ -238,6 +243,7 @@ class _Way:
         self._lead_in_s = lead_in_s
         self._speed = speed
         self._clock, self._arm_time, self._pace = 0.0, state.time_s, USUAL_CYCLE_S
+        self.going = 1.0
         self.last_s = max(float(self._times[-1]), lead_in_s)
         self.goal, self.place = self._joints[0], self._places[0]
 
@@ -246,13 +252,15 @@ class _Way:
         """Return whether the clock has reached the path's end."""
         return self._clock >= self.last_s
 
-    def advance(self, state: ArmState) -> int:
-        """Move the clock on to `state`, and return the last waypoint that was passed."""
+    def advance(self, state: ArmState, paused: bool = False) -> int:
+        """Move the clock on to `state`, and return the last waypoint that was passed. Paused, it comes to a halt."""
         # A late cycle is not made up for: the path only takes longer, the arm never hurries after it.
         elapsed = max(state.time_s - self._arm_time, 0.0)
         self._pace += 0.1 * (min(elapsed, LONGEST_CYCLE_S) - self._pace)
         elapsed, self._arm_time = min(elapsed, HURRY * self._pace), state.time_s
-        self._clock = min(self._clock + elapsed * state.speed_scaling * self._speed, self.last_s)
+        ramp, target = elapsed / PAUSE_S, 0.0 if paused else 1.0
+        self.going = target if self._clock == 0.0 else self.going + min(max(target - self.going, -ramp), ramp)
+        self._clock = min(self._clock + elapsed * state.speed_scaling * self._speed * self.going, self.last_s)
         fade = max(0.0, 1.0 - self._clock / self._lead_in_s)
         self.goal = _interpolate(self._times, self._joints, self._clock) + self._offset * (
             fade * fade * (3.0 - 2.0 * fade)

@@ -19,6 +19,10 @@ class Person(Protocol):
         """Return the answer to the last question, None as long as there is none; False when nobody can answer."""
         ...
 
+    def paused(self) -> bool:
+        """Return whether the arm shall stand still for the moment."""
+        ...
+
 
 class Nobody:
     """Nobody is there: what needs a person ends the build."""
@@ -27,6 +31,10 @@ class Nobody:
         """Ask in vain."""
 
     def answer(self) -> bool:
+        """Return False."""
+        return False
+
+    def paused(self) -> bool:
         """Return False."""
         return False
 
@@ -40,6 +48,10 @@ class Everybody:
     def answer(self) -> bool:
         """Return True."""
         return True
+
+    def paused(self) -> bool:
+        """Return False."""
+        return False
 
 
 def before_release(plan: Plan, step: Step) -> str:

@@ -28,7 +28,7 @@ from planners.robot.recheck import recheck
 from planners.robot.scene import straight
 from planners.robot.site import site
 from planners.robot.tray import tray_layout
-from planners.robot.tray_files import tray_sheet
+from planners.robot.tray_files import tray_sheet, write_tray
 
 ROOT = Path(__file__).resolve().parents[2]
 CELL_FILE = ROOT / "configs" / "cells" / "ur5e_2f85.yaml"
@@ -236,3 +236,12 @@ def test_a_planned_part_is_built_on_the_fake_controller(tmp_path: Path) -> None:
         done = run("execute", tmp_path / "plan.json", "--robot", host, "--confirm", plan.cell.name, "--json")
     assert done.returncode == 0, done.stdout + done.stderr
     assert json.loads(done.stdout)["steps_finished"] == 1
+
+
+def test_plans_in_one_folder_keep_their_trays_apart(tmp_path: Path) -> None:
+    result = built()
+    names = [
+        {p.name for p in write_tray(tmp_path / f"{plan}.json", result.site, result.cell, result.tray)}
+        for plan in ("plan", "left", "right")
+    ]
+    assert names == [{"tray.svg", "tray.dxf"}, {"left.tray.svg", "left.tray.dxf"}, {"right.tray.svg", "right.tray.dxf"}]
