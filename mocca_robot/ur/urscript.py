@@ -1,7 +1,8 @@
 """A plan as one URScript program, for a controller that is loaded from a file instead of steered over RTDE.
 
-What is lost against `execute`: no journal, no resume, no retries elsewhere in the cone, no supervision from outside.
-What remains: force guard, compliant insertion with measured depth and jam detection, width checks, and a halt with a
+What is lost against `execute`: no journal, no resume, no retries elsewhere in the cone, no supervision from outside,
+no averaged bias, no fit to the arm's calibration. What remains: a force guard, compliant insertion by depth, with the
+executor's limits on jams, stalls, sideways and back travel and tilt, openings and widths read back, and a halt with a
 message to the operator on anything unexpected. Unproven on hardware.
 """
 
@@ -15,7 +16,16 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
 from mocca_robot.plan.gripper import require_drivable
-from mocca_robot.plan.guards import SEATED_SHARE, SEATING_M, SEATING_PACE
+from mocca_robot.plan.guards import (
+    BEYOND_M,
+    LATERAL_M,
+    PUSH_GRACE_S,
+    RESISTS,
+    SEATED_SHARE,
+    SEATING_M,
+    SEATING_PACE,
+    STALL_S,
+)
 from mocca_robot.plan.hand import hands, to_open
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Move, MoveKind, Plan, Step, Waypoint, insertion_axis
@@ -27,6 +37,8 @@ from mocca_robot.ur.grippers import ROBOTIQ, RobotiqSocket
 from mocca_robot.ur.suction import FLICKER_S
 
 BLEND_M = 0.002
+GUARD_CYCLES = 20
+"""Of 2 ms: a force above the limit that lasts for less is noise."""
 LARGEST = 1000.0
 """No figure of a checked plan is larger; anything else is a unit mistake."""
 
@@ -38,13 +50,17 @@ _HELPERS = """\
     halt
   end
   thread force_guard():
+    over = 0
     while True:
-      if watching:
-        if force() > guard_n:
+      if watching and force() > guard_n:
+        over = over + 1
+        if over >= @LASTS@:
           watching = False
           textmsg("force limit exceeded, newtons: ", guard_n)
           halt
         end
+      else:
+        over = 0
       end
       sync()
     end
@@ -59,49 +75,90 @@ _HELPERS = """\
     now = get_actual_tcp_pose()
     return (now[0] - start[0]) * axis[0] + (now[1] - start[1]) * axis[1] + (now[2] - start[2]) * axis[2]
   end
-  def insert(frame_rotation, start, axis, depth, tolerance, push, speed, limit_n, jam_n, jam_s, jam_speed, seconds):
+  def aside(start, axis):
     now = get_actual_tcp_pose()
-    frame = p[now[0], now[1], now[2], frame_rotation[0], frame_rotation[1], frame_rotation[2]]
-    guard_n = limit_n
-    watching = True
+    deep = along(start, axis)
+    x = now[0] - start[0] - deep * axis[0]
+    y = now[1] - start[1] - deep * axis[1]
+    z = now[2] - start[2] - deep * axis[2]
+    return sqrt(x * x + y * y + z * z)
+  end
+  def tilted(planned):
+    turn = pose_trans(pose_inv(planned), get_actual_tcp_pose())
+    return sqrt(turn[3] * turn[3] + turn[4] * turn[4] + turn[5] * turn[5])
+  end
+  def pressed(axis):
+    felt = get_tcp_force()
+    return norm(felt[0] * axis[0] + felt[1] * axis[1] + felt[2] * axis[2])
+  end
+  def push_at(frame, push, speed):
     caps = [speed, speed, speed, @TILT@, @TILT@, @TILT@]
     force_mode(frame, [1, 1, 1, 0, 0, 0], [0.0, 0.0, push, 0.0, 0.0, 0.0], 2, caps)
+  end
+  def insert(turn, planned, axis, depth, tolerance, push, speed, limit_n, hard_n, jam_s, slow):
+    now = get_actual_tcp_pose()
+    frame = p[now[0], now[1], now[2], turn[0], turn[1], turn[2]]
+    guard_n = limit_n
+    watching = True
+    force_mode_set_damping(@DAMPING@)
+    force_mode_set_gain_scaling(@GAIN@)
+    push_at(frame, push, speed)
     t = 0.0
-    mark_t = 0.0
-    mark_depth = 0.0
+    hard_t = 0.0
+    hard_depth = 0.0
+    stall_t = 0.0
+    stall_depth = along(planned, axis)
+    pressing = False
     done = False
-    jammed = False
     slowed = False
-    while t < seconds and not done and not jammed:
+    wrong = ""
+    while not done and wrong == "":
       sync()
       t = t + get_steptime()
-      if not slowed and along(start, axis) >= depth - @SEATING@:
+      deep = along(planned, axis)
+      if not slowed and deep >= depth - @SEATING@:
         slowed = True
-        slow = @PACE@ * speed
-        caps = [slow, slow, slow, @TILT@, @TILT@, @TILT@]
-        force_mode(frame, [1, 1, 1, 0, 0, 0], [0.0, 0.0, push, 0.0, 0.0, 0.0], 2, caps)
+        push_at(frame, push, @PACE@ * speed)
       end
-      if along(start, axis) >= depth:
+      if deep < -@BEYOND@ or deep > depth + @BEYOND@:
+        wrong = "The part is not where it was thought to be."
+      elif aside(planned, axis) > @LATERAL@:
+        wrong = "The part went sideways."
+      elif tilted(planned) > @TILT@:
+        wrong = "The part tilted."
+      elif deep >= depth:
         done = True
-      elif along(start, axis) >= depth - tolerance and force() >= @SEATED@ * push:
+      elif deep >= depth - tolerance and pressed(axis) >= @SEATED@ * push:
         done = True
-      elif t - mark_t >= jam_s:
-        moved = along(start, axis) - mark_depth
-        if t > 0.5 and moved < jam_speed * jam_s and force() > jam_n:
-          jammed = True
+      end
+      if pressed(axis) < hard_n or not pressing or deep - hard_depth >= slow * (t - hard_t) + 0.0001:
+        pressing = pressed(axis) >= hard_n
+        hard_t = t
+        hard_depth = deep
+      elif t > @GRACE@ and t - hard_t >= jam_s:
+        wrong = "The part jammed."
+      end
+      if t - stall_t >= @STALL@:
+        if deep - stall_depth < slow * @STALL@ and not done and wrong == "":
+          wrong = "The part jammed."
         end
-        mark_t = t
-        mark_depth = along(start, axis)
+        stall_t = t
+        stall_depth = deep
       end
     end
     end_force_mode()
     stopl(2.0)
     watching = False
-    if jammed:
-      fail("The part jammed. Clear the cell before anything else.")
+    if wrong == "" and along(planned, axis) < depth - tolerance:
+      wrong = "The part did not reach its depth."
+    elif wrong == "" and aside(planned, axis) > @ASIDE@:
+      wrong = "The part is in, but beside its place."
+    elif wrong == "" and tilted(planned) > @ASLANT@:
+      wrong = "The part is in, but tilted."
     end
-    if along(start, axis) < depth - tolerance:
-      fail("The part did not reach its depth. Clear the cell before anything else.")
+    if wrong != "":
+      textmsg(wrong)
+      fail("The insertion failed, see the log. Clear the cell before anything else.")
     end
   end
 """
@@ -160,9 +217,17 @@ def _helpers(limits: MotionLimits) -> str:
         ("SEATED", SEATED_SHARE),
         ("SEATING", SEATING_M),
         ("PACE", SEATING_PACE),
+        ("BEYOND", BEYOND_M),
+        ("LATERAL", LATERAL_M),
+        ("GRACE", PUSH_GRACE_S),
+        ("STALL", STALL_S),
+        ("DAMPING", limits.force_damping),
+        ("GAIN", limits.force_gain),
+        ("ASIDE", limits.sideways_tolerance_m),
+        ("ASLANT", limits.tilt_tolerance_rad),
     ):
         out = out.replace(f"@{name}@", _number(value))
-    return out
+    return out.replace("@LASTS@", str(GUARD_CYCLES))
 
 
 def _move(plan: Plan, step: Step, move: Move) -> list[str]:
@@ -205,20 +270,18 @@ def _joint_path(path: Sequence[Waypoint], limits: MotionLimits) -> list[str]:
 def _insert(move: Move, limits: MotionLimits) -> str:
     axis, depth = insertion_axis(move.path)
     rotation = frame_along(axis, move.path[0].tcp)[3:]
-    seconds = 1.1 * depth / limits.insert_speed_m_s + 2.0
     numbers = (
         depth,
         limits.depth_tolerance_m,
         limits.push_force_n,
         limits.insert_speed_m_s,
         move.force_limit_n,
-        limits.jam_force_n,
+        min(limits.jam_force_n, RESISTS * limits.push_force_n),
         limits.jam_time_s,
-        limits.jam_speed_m_s,
-        seconds,
+        min(limits.jam_speed_m_s, 0.5 * SEATING_PACE * limits.insert_speed_m_s),
     )
-    start = _list(move.path[0].tcp[:3])
-    return f"  insert({_list(rotation)}, {start}, {_list(axis)}, {', '.join(_number(n) for n in numbers)})"
+    planned = _pose(move.path[0].tcp)
+    return f"  insert({_list(rotation)}, {planned}, {_list(axis)}, {', '.join(_number(n) for n in numbers)})"
 
 
 def _gripper_helpers() -> list[str]:
@@ -226,11 +289,19 @@ def _gripper_helpers() -> list[str]:
         f'  if not socket_open("127.0.0.1", {RobotiqSocket.PORT}, "gripper"):',
         '    fail("The gripper does not answer. Install and activate its URCap.")',
         "  end",
+        "  def order(name, value):",
+        '    socket_set_var(name, value, "gripper")',
+        # Unread, the acknowledgement would be taken for the answer to the next question.
+        '    ack = socket_read_byte_list(3, "gripper")',
+        "    if ack[0] != 3 or ack[1] != 97 or ack[2] != 99 or ack[3] != 107:",
+        '      fail("The gripper does not acknowledge.")',
+        "    end",
+        "  end",
         "  def grip(position, force_byte):",
-        '    socket_set_var("SPE", 64, "gripper")',
-        '    socket_set_var("FOR", force_byte, "gripper")',
-        '    socket_set_var("POS", position, "gripper")',
-        '    socket_set_var("GTO", 1, "gripper")',
+        '    order("SPE", 64)',
+        '    order("FOR", force_byte)',
+        '    order("POS", position)',
+        '    order("GTO", 1)',
         "    sleep(0.3)",
         "    t = 0.0",
         '    while socket_get_var("OBJ", "gripper") == 0 and t < 4.0:',

@@ -7,12 +7,14 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from ur_cell import small_plan, suction_plan
 
 from mocca_robot.cli.execute import export_urscript
 from mocca_robot.errors import InputError
 from mocca_robot.plan.plan import MoveKind, Plan, write_plan
+from mocca_robot.plan.pose import pose_of, transform
 from mocca_robot.plan.wiring import VacuumWiring
 from mocca_robot.ur.urscript import urscript
 
@@ -112,8 +114,17 @@ class Interpreter:
     STEP_S = 0.002
 
     def __init__(
-        self, plan: Plan, *, jams: bool = False, missing: bool = False, knocked: float = 0.0, drops_after: int = 10**9
+        self,
+        plan: Plan,
+        *,
+        jams: bool = False,
+        missing: bool = False,
+        knocked: float = 0.0,
+        drops_after: int = 10**9,
+        drift: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        acknowledges: bool = True,
     ) -> None:
+        self.drift, self.acknowledges, self.unread = drift, acknowledges, 0
         self.plan, self.jams, self.missing, self.knocked = plan, jams, missing, knocked
         self.q = list(plan.first_waypoint.q)
         self.tcp = list(plan.first_waypoint.tcp)
@@ -165,14 +176,15 @@ class Interpreter:
             if left > 0:
                 self.tcp = [t + a * speed * self.STEP_S for t, a in zip(self.tcp, axis)] + self.tcp[3:]
             self.felt = 2.0 if left > 0 else 9.0
+            self.tcp = [t + s for t, s in zip(self.tcp, self.drift)] + self.tcp[3:]
         elif self.push is not None:
-            self.felt = 18.0
+            self.felt = self.plan.cell.limits.push_force_n
         self.tick()
 
     def do_sleep(self, seconds: float) -> None:
         self.tick()
 
-    def moved(self, q: list[float], seconds: int = 3) -> None:
+    def moved(self, q: list[float], seconds: int = 30) -> None:
         self.q = list(q)
         self.tcp = list(self.plan_pose(q))
         self.joints.append(list(q))
@@ -219,13 +231,31 @@ class Interpreter:
     def do_set_payload(self, mass: float, cog: list[float]) -> None:
         self.payloads.append(mass)
 
+    def do_socket_read_byte_list(self, count: int, socket: str) -> list[int]:
+        self.unread -= 1
+        return [3, *b"ack"] if self.acknowledges else [0, 0, 0, 0]
+
+    def do_get_tcp_force(self) -> list[float]:
+        axis = self.push[0] if self.push is not None else [0.0, 0.0, 1.0]
+        return [-self.felt * a for a in axis] + [0.0] * 3
+
+    @staticmethod
+    def do_pose_inv(pose: list[float]) -> list[float]:
+        return list(pose_of(np.linalg.inv(transform(pose))))
+
+    @staticmethod
+    def do_pose_trans(a: list[float], b: list[float]) -> list[float]:
+        return list(pose_of(transform(a) @ transform(b)))
+
     def do_socket_set_var(self, name: str, value: int, socket: str) -> None:
+        self.unread += 1
         if name == "POS":
             held = round(255 * (1.0 - self.plan.steps[0].grasp.width_m / 0.085))
             self.stopped = value > held and not self.missing
             self.gripper = held if self.stopped else value
 
     def do_socket_get_var(self, name: str, socket: str) -> int:
+        assert self.unread == 0, "an acknowledgement would be read as the answer"
         return self.gripper if name == "POS" else 2 if self.stopped else 3
 
     def do_set_standard_digital_out(self, number: int, on: bool) -> None:
@@ -242,7 +272,8 @@ class Interpreter:
 
     do_socket_open = staticmethod(lambda *a: True)
     do_stopl = do_set_tcp = do_zero_ftsensor = staticmethod(lambda *a: None)
-    do_norm = staticmethod(abs)
+    do_norm, do_sqrt = staticmethod(abs), staticmethod(math.sqrt)
+    do_force_mode_set_damping = do_force_mode_set_gain_scaling = staticmethod(lambda *a: None)
     do_get_steptime = staticmethod(lambda: Interpreter.STEP_S)
 
     def do_force(self) -> float:
@@ -268,7 +299,9 @@ def test_the_program_runs_by_itself_and_places_every_part() -> None:
 @pytest.mark.parametrize(
     ("world", "words"),
     [
-        ({"jams": True}, "The part jammed"),
+        ({"jams": True}, "The insertion failed"),
+        ({"drift": (3e-5, 0.0, 0.0)}, "The insertion failed"),
+        ({"acknowledges": False}, "The gripper does not acknowledge"),
         ({"missing": True}, "Part p01 is not between the fingers"),
         ({"knocked": 25.0}, "force limit exceeded"),
     ],
@@ -278,6 +311,23 @@ def test_the_program_halts_with_its_reason(world: dict[str, object], words: str)
     with pytest.raises(Halted, match=words):
         robot.run()
     assert not any("placed" in w for w in robot.said)
+
+
+@pytest.mark.parametrize(
+    ("world", "words"),
+    [
+        ({"jams": True}, "The part jammed."),
+        ({"drift": (3e-5, 0.0, 0.0)}, "The part went sideways."),
+        ({"drift": (4e-6, 0.0, 0.0)}, "The part is in, but beside its place."),
+        ({"drift": (0.0, 0.0, 3e-5)}, "The part is not where it was thought to be."),
+        ({"drift": (0.0, 0.0, 1.8e-5)}, "The part jammed."),
+    ],
+)
+def test_the_program_says_why_an_insertion_failed(world: dict[str, object], words: str) -> None:
+    robot = Interpreter(PLAN, **world)  # type: ignore[arg-type]
+    with pytest.raises(Halted):
+        robot.run()
+    assert robot.said[-2] == words
 
 
 def test_the_program_does_not_start_from_elsewhere() -> None:
