@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from ur_cell import SERIAL, fake_controller, loopback, small_plan, undisturbed, written
+from ur_cell import SERIAL, fake_controller, loopback, run, small_plan, undisturbed, written
 
 from mocca_robot.plan.executor import Execution, execute
 from mocca_robot.plan.journal import Journal
@@ -33,6 +33,16 @@ def test_a_noisy_sensor_that_drifts_does_not_stop_a_build(noise: float, tmp_path
     result = built(FULL, 80, tmp_path, "--noise", str(noise), "--drift", "3")
     assert result.status is ExecutionStatus.SUCCEEDED, result.detail
     assert not [e for e in result.events if e.event == "attempt_failed"]
+
+
+@undisturbed
+def test_everything_at_once_is_still_a_build(tmp_path: Path) -> None:
+    """Half speed, a noisy sensor that drifts, and an arm that is 3 mm from its model, fitted to its calibration."""
+    plan_file = written(FULL, tmp_path)
+    options = ("--speedup", "1", "--noise", "1.5", "--drift", "3", "--calibration", "3", "--slider", "0.5")
+    with fake_controller(plan_file, loopback(83), *options) as host:
+        done = run("execute", plan_file, "--robot", host, "--confirm", SERIAL, "--json")
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 @undisturbed

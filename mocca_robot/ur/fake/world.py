@@ -17,6 +17,8 @@ SEAT_STIFFNESS_N_M = 20_000.0
 """Of the place where a part ends up: force control in steps of 30 ms stays stable on it."""
 SEAT_PLAY_M = 2e-4
 SLIDING_N = 2.0
+WALL_PLAY_M, WALL_SLOPE, WALL_STIFFNESS_N_M = 2e-4, 0.15, 5_000.0
+"""A joint is a cone: wide at its mouth, and at its end a part has this play."""
 EARLY_STIFFNESS_N_M = 2_000.0
 LINE_RADIUS_M = 0.01
 PART_TOP_M = 0.005
@@ -94,6 +96,14 @@ class SeatStop:
     axis: Array
     depth_m: float
 
+    def guide(self, offset: Array) -> Array:
+        """Return the force (3,) with which the joint's walls lead a part inwards that is `offset` from the start."""
+        along = float(offset @ self.axis)
+        aside = offset - along * self.axis
+        gap = float(np.linalg.norm(aside))
+        beyond = gap - WALL_PLAY_M - WALL_SLOPE * max(self.depth_m - along, 0.0)
+        return np.zeros(3) if along <= 0.0 or beyond <= 0.0 else -aside / gap * (WALL_STIFFNESS_N_M * beyond)
+
 
 @dataclass(frozen=True)
 class TrayPart:
@@ -169,6 +179,7 @@ class World:
                     out[:3] -= seat.axis * (SEAT_STIFFNESS_N_M * max(beyond, 0.0))
                     if along > 0 and speed > 1e-4:
                         out[:3] -= seat.axis * SLIDING_N
+                    out[:3] += seat.guide(offset)
                     break
             if self.jammed:
                 out[:3] -= push * push_n
