@@ -1,4 +1,4 @@
-"""What MuJoCo measured beside what statics and geometry say: critical tilts and insertions."""
+"""What physics measured beside what statics and geometry say: critical tilts and insertions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mocca_robot.verdicts.physics import PartInsertion, Tries
 
 
 def tilt(data: ReportData) -> str:
-    """Return the critical tilt by statics beside MuJoCo's, one plot per friction coefficient, and their table."""
+    """Return the critical tilt by statics beside that in physics: a plot per friction coefficient, and a table."""
     simulated = data.simulation.tilt if data.simulation else ()
     if not data.tilts and not simulated:
         return ""
@@ -36,7 +36,7 @@ def tilt(data: ReportData) -> str:
         inputs = {a: float(np.rad2deg(t.before_rad)) for a, t in known.items() if t.before_rad is not None}
         for name, style, values in (
             ("statics", "statics", statics),
-            ("MuJoCo", "physics", physics),
+            ("friction engine" if mu > 0.0 else "MuJoCo", "physics", physics),
             ("input, statics", "input", inputs),
         ):
             if values and (style != "input" or max(values.values()) > 0.05):
@@ -50,8 +50,11 @@ def tilt(data: ReportData) -> str:
             apart = "–" if b is None else f"{np.rad2deg(measured[azimuth].apart_rad):.2f}°"
             cells = ["–" if v is None else f"{v:.2f}°" for v in (inputs.get(azimuth), a, b)]
             rows.append([towards(float(np.deg2rad(azimuth)), dimension), f"{mu:g}", *cells, apart])
-    head = ("Towards", "Friction", "Input, statics", "Statics", "MuJoCo", "Apart, at most")
-    words = "<p>How far the ground can tilt before something moves: by a linear program, and by letting MuJoCo go.</p>"
+    head = ("Towards", "Friction", "Input, statics", "Statics", "Physics", "Apart, at most")
+    words = (
+        "<p>How far the ground can tilt before something moves: by statics, and in physics, which is MuJoCo without "
+        "friction and an engine that does not lift what slides with it.</p>"
+    )
     body = f'{words}<div class="figures">{"".join(figures)}</div>'
     return section("tilt", "Tilt", body + table(head, rows, caption="Critical tilt", numeric=(1, 2, 3, 4, 5)))
 
