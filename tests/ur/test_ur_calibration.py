@@ -30,7 +30,7 @@ def aside_mm(tcp: list[float]) -> float:
     return 1e3 * float(np.linalg.norm(gap - (gap @ axis) * axis))
 
 
-@pytest.mark.parametrize("off", [1.2, 5.0])
+@pytest.mark.parametrize("off", [pytest.param(1.2, marks=pytest.mark.long), 5.0])
 @undisturbed
 def test_a_part_ends_in_its_place_on_an_arm_that_is_not_as_its_model(off: float, tmp_path: Path) -> None:
     plan_file = written(ONE, tmp_path)

@@ -27,7 +27,7 @@ def built(plan: Plan, number: int, folder: Path, *options: str) -> Execution:
         return execute(plan, arm, journal)
 
 
-@pytest.mark.parametrize("noise", [1.0, 1.5])
+@pytest.mark.parametrize("noise", [pytest.param(1.0, marks=pytest.mark.long), 1.5])
 @undisturbed
 def test_a_noisy_sensor_that_drifts_does_not_stop_a_build(noise: float, tmp_path: Path) -> None:
     result = built(FULL, 80, tmp_path, "--noise", str(noise), "--drift", "3")
@@ -35,6 +35,7 @@ def test_a_noisy_sensor_that_drifts_does_not_stop_a_build(noise: float, tmp_path
     assert not [e for e in result.events if e.event == "attempt_failed"]
 
 
+@pytest.mark.long
 @undisturbed
 def test_everything_at_once_is_still_a_build(tmp_path: Path) -> None:
     """Half speed, a noisy sensor that drifts, and an arm that is 3 mm from its model, fitted to its calibration."""
@@ -45,6 +46,7 @@ def test_everything_at_once_is_still_a_build(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.long
 @undisturbed
 def test_a_contact_is_one_with_noise_too(tmp_path: Path) -> None:
     result = built(FULL, 81, tmp_path, "--noise", "1.5", "--fault", "contact@servo:2:0.1")

@@ -40,7 +40,7 @@ def test_some_parts_now_and_the_others_another_time(tmp_path: Path) -> None:
         assert read_journal(journal).finished == (0, 1) and ask(host)["begun"]["force"] == 2
 
 
-@pytest.mark.parametrize(("answer", "code", "forces"), [("yes\n", 0, 1), ("no\n", 2, 0), ("", 2, 0)])
+@pytest.mark.parametrize(("answer", "code", "forces"), [("yes\n", 0, 1), ("no\n", 2, 0)])
 @undisturbed
 def test_beginning_further_on_needs_a_word_that_the_rest_stands(
     answer: str, code: int, forces: int, tmp_path: Path

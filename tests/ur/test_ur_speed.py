@@ -15,9 +15,13 @@ from mocca_robot.ur.driver import UrArm
 from mocca_robot.ur.fake.controller import ask
 
 ONE = small_plan(1, short=True)
+LONG = pytest.mark.long
 
 
-@pytest.mark.parametrize(("slider", "speed"), [(0.5, 1.0), (0.1, 1.0), (1.0, 0.2), (0.5, 0.4)])
+@pytest.mark.parametrize(
+    ("slider", "speed"),
+    [(0.5, 1.0), pytest.param(0.1, 1.0, marks=LONG), (1.0, 0.2), pytest.param(0.5, 0.4, marks=LONG)],
+)
 @undisturbed
 def test_a_slower_build_is_a_longer_build(slider: float, speed: float, tmp_path: Path) -> None:
     plan_file = written(ONE, tmp_path)
@@ -33,7 +37,7 @@ def test_a_slower_build_is_a_longer_build(slider: float, speed: float, tmp_path:
     assert truth["begun"]["force"] == 1
 
 
-@pytest.mark.parametrize("slider", [0.25, 1.0])
+@pytest.mark.parametrize("slider", [pytest.param(0.25, marks=LONG), 1.0])
 @undisturbed
 def test_a_real_jam_is_seen_at_any_speed(slider: float, tmp_path: Path) -> None:
     """The arm presses with no more than it was told to, and a third of a second of that is enough."""
