@@ -36,9 +36,7 @@ def build(
     """Build on a robot. What ends it early stops the arm and is journalled; only a finished build returns 0."""
     from mocca_robot.plan.person import confirmations
     from mocca_robot.ur.driver import UrArm
-    from mocca_robot.ur.link import require_client
 
-    require_client()
     voice, first = Voice(), steps.start
     if record is not None and record.truncated is not None:
         voice.warn(f"note: a line of the journal was cut off while it was written: {record.truncated[:60]}")

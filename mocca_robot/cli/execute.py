@@ -103,6 +103,9 @@ def run_execute(args: argparse.Namespace) -> int:
             f"--robot {args.robot} would move an arm. Add --confirm with its serial number (on the pendant: Settings, "
             "About), after a dry run and with the cell clear."
         )
+    from mocca_robot.ur.link import require_client  # where a robot is asked for: planning needs none
+
+    require_client()
     require_sound(plan)
     _require_looked_at(plan, path, args)
     return build(args, plan, path, record, range(first, last + 1), resolution)

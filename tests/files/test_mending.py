@@ -13,6 +13,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.files.mending import mended
 from mocca_robot.geometry.polygon_cut import triangulated
 from mocca_robot.geometry.surfaces import Edges
+from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import load_cases
 
@@ -193,8 +194,9 @@ def test_parts_that_share_a_warped_face_touch_whatever_corner_each_begins_with(s
     report = find_contacts(assembly)
     assert not report.overlaps
     assert sum(c.measure for c in report.contacts) == pytest.approx(scale**2, rel=1e-2)
-    (case,) = load_cases(assembly)
-    assert solve_case(assembly, report.contacts, case, 0.5).result.stands
+    graph = PartsGraph.of(assembly, report.contacts)
+    (case,) = load_cases(graph)
+    assert solve_case(graph, case, 0.5).result.stands
 
 
 def test_flat_polygons_keep_every_corner_and_bend_in() -> None:
