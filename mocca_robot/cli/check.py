@@ -70,7 +70,9 @@ def run(args: argparse.Namespace) -> int:
     for line in suspicions:
         console.warn(f"suspicious: {line}")
     with console.stage("statics"):
-        found = input_findings.checkup(graph, report.near_misses, config.friction, args.key, azimuths)
+        found = input_findings.checkup(
+            graph, report.near_misses, config.friction, args.key, azimuths, config.joints.tilt_margin_rad
+        )
     for line in input_findings.lines(found, built=stored_design(Path(args.input)) is not None):
         console.say(line)
     console.say(console.times())

@@ -13,8 +13,8 @@ from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode, positive_if
 from mocca_robot.cli.stages import DesignOutcome
 from mocca_robot.errors import quoted
-from mocca_robot.report import reserves
-from mocca_robot.report.summary import goal_words
+from mocca_robot.report import reserves, tilt_words
+from mocca_robot.report.case_words import goal_words
 from mocca_robot.verdicts.agreement import agree
 from mocca_robot.verdicts.physics import Simulation, TiltVerdict, Tries
 from mocca_robot.verdicts.simulation_json import simulation_to_data
@@ -46,7 +46,7 @@ def conclude(
     if interrupted:
         console.say("Interrupted: the verdicts cover what was finished; the same command goes on from there.")
     elif not outcome.findings:
-        console.say("✓ every verdict is positive")
+        console.say(f"✓ {tilt_words.positive_words(outcome.reserve)}")
     console.say(console.times())
     for kind, path in outcome.files.items():
         if kind != "report":
@@ -73,6 +73,11 @@ def say_verdicts(outcome: DesignOutcome, console: Console) -> None:
         if tightest.alpha_rad < 0:
             room = f"'{tightest.part}' has no free direction"
         console.say(f"insertion: {free} of {len(insertions)} parts go in as asked; {room}")
+    if outcome.reserve is not None:
+        dimension = design.assembly.dimension
+        console.say(f"reserve:   {tilt_words.tilt_words(outcome.reserve, dimension)}")
+        if outcome.reserve.missed and (limited := tilt_words.limit_words(outcome.reserve)):
+            console.say(f"           {limited}")
     for factor in outcome.after.load_factors:
         console.say(f"load:      {reserves.factor_words(factor)}")
     if outcome.simulation is not None:
@@ -128,6 +133,7 @@ def document(outcome: DesignOutcome, supports: tuple[str, ...]) -> dict[str, Any
         "input_cases": reasons.cases_data(outcome.before.cases),
         "cases": reasons.cases_data(outcome.after.cases),
         "states": reasons.cases_data(outcome.states),
+        "reserve": tilt_words.tilt_data(outcome.reserve),
         "load_factors": reserves.factors_data(outcome.after.load_factors),
         "insertions": reasons.insertions_data(outcome.after.insertions),
         "part_overlap": outcome.after.part_overlap,

@@ -47,6 +47,7 @@ def run(args: argparse.Namespace) -> int:
     if result.interrupted is not None:
         return stages.interrupted(result, files, folder, console)
     outcome = stages.verified(folder, result, files, problems, console)
+    outcome = stages.with_reserve(outcome, config, console, result)
     outcome = stages.write_pages(outcome, config, folder, console)
     stages.forget_progress(folder)
     if args.largest_angle:

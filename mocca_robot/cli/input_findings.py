@@ -15,7 +15,7 @@ from mocca_robot.contacts.contact import NearMiss
 from mocca_robot.errors import quoted
 from mocca_robot.motion.insertion import insertion_verdicts
 from mocca_robot.motion.parts_graph import PartsGraph
-from mocca_robot.report import reserves
+from mocca_robot.report import reserves, tilt_words
 from mocca_robot.report.markup import plural
 from mocca_robot.statics.cases import CaseVerdict, critical_tilts, solve_case
 from mocca_robot.statics.coulomb_tilt import FrictionTilt
@@ -23,6 +23,7 @@ from mocca_robot.statics.friction_cases import TANGENTIAL_BAND, tilt_band, tilt_
 from mocca_robot.statics.load_factor import load_factors
 from mocca_robot.statics.loads import load_cases, state_cases, tilt_azimuths
 from mocca_robot.statics.mobility import Mobility, mobility
+from mocca_robot.statics.tilt_reserve import TiltReserve, tilt_reserve
 from mocca_robot.verdicts.verification import Verification, part_overlap
 
 BESIDE_RAD = 2e-3
@@ -45,6 +46,8 @@ class Checkup:
         key_mobility: what can move while the key is held.
         mobility: what can move in the finished structure.
         findings: negative verdicts.
+        reserve: the smallest reserve against tilting without friction; None with friction, or where nothing has to
+            stand.
     """
 
     graph: PartsGraph
@@ -60,12 +63,21 @@ class Checkup:
     key_mobility: Mobility | None
     mobility: Mobility
     findings: tuple[NegativeVerdict, ...]
+    reserve: TiltReserve | None
 
 
 def checkup(
-    graph: PartsGraph, near_misses: tuple[NearMiss, ...], friction: float, key: str | None, azimuths: int
+    graph: PartsGraph,
+    near_misses: tuple[NearMiss, ...],
+    friction: float,
+    key: str | None,
+    azimuths: int,
+    margin_rad: float,
 ) -> Checkup:
-    """Return everything that statics says about an assembly with its contacts as they are."""
+    """Return everything that statics says about an assembly with its contacts as they are.
+
+    `margin_rad` is the reserve against tilting that a design is asked for.
+    """
     assembly = graph.assembly
     keys = [g.key for g in assembly.goals if isinstance(g, Interlocking)]
     goals = assembly.goals if key is None or key in keys else (*assembly.goals, Interlocking(key))
@@ -102,6 +114,7 @@ def checkup(
         key_mobility=held,
         mobility=anything,
         findings=tuple(findings),
+        reserve=None if friction > 0.0 else tilt_reserve(graph, margin_rad, azimuths, [c.case for c in cases]),
     )
 
 
@@ -145,6 +158,8 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
     tilts = ", ".join(f"{_azimuth(assembly, a)} {np.rad2deg(t):.2f}°" for a, t in zip(found.azimuths, found.tilts))
     out.append(f"critical tilt: {tilts}")
     out += _about_tilts(found)
+    if found.reserve is not None:
+        out.append("reserve: " + tilt_words.tilt_words(found.reserve, assembly.dimension))
     out += [reserves.factor_words(factor) for factor in found.verification.load_factors]
     if found.key is not None and found.key_mobility is not None:
         loose = found.key_mobility
@@ -160,7 +175,7 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
     supports = reasons.supports(assembly, found.states)
     if supports:
         out.append(f"needs support after placing {quoted(supports, 20)}")
-    out += [f"✗ {f.text}" for f in found.findings] or ["✓ every verdict is positive"]
+    out += [f"✗ {f.text}" for f in found.findings] or [f"✓ {tilt_words.positive_words(found.reserve)}"]
     return out
 
 
@@ -181,6 +196,7 @@ def document(found: Checkup) -> dict[str, Any]:
             for a, t, more in zip(found.azimuths, found.tilts, _tilt_figures(found))
         ],
         **_band(found),
+        "reserve": tilt_words.tilt_data(found.reserve),
         "load_factors": reserves.factors_data(found.verification.load_factors),
         "key": found.key,
         "interlocks": None if found.key_mobility is None else found.key_mobility.locked,

@@ -12,10 +12,12 @@ from mocca_robot.assembly import Assembly, SupportFree
 from mocca_robot.errors import quoted
 from mocca_robot.motion.insertion import InsertionVerdict
 from mocca_robot.motion.parts_graph import PartsGraph
-from mocca_robot.report.summary import case_words
+from mocca_robot.report.case_words import case_words
+from mocca_robot.report.tilt_words import limit_words
 from mocca_robot.statics.cases import CaseVerdict, moving_parts
+from mocca_robot.statics.tilt_reserve import TiltReserve
 from mocca_robot.tolerances import PART_OVERLAP
-from mocca_robot.verdicts.agreement import Remark
+from mocca_robot.verdicts.agreement import Remark, towards
 from mocca_robot.verdicts.verification import Verification
 
 if TYPE_CHECKING:
@@ -28,7 +30,7 @@ class NegativeVerdict:
 
     Attributes:
         kind: 'falls', 'clamped', 'inaccurate', 'blocked', 'overlap', 'impossible', 'narrow', 'deadlock', 'loose',
-            'disagreement', 'jams', 'not_written'.
+            'disagreement', 'jams', 'not_written', 'reserve'.
         text: the evidence for people, one or two sentences.
         parts: names of the parts concerned.
         case: load case or state, when there is one.
@@ -122,6 +124,17 @@ def deadlock_finding(assembly: Assembly) -> NegativeVerdict:
     """Return that nothing can move."""
     text = "Deadlock: no part can move at all, so the structure can be neither assembled nor taken apart."
     return NegativeVerdict("deadlock", text, tuple(p.name for p in assembly.parts if not p.fixed))
+
+
+def reserve_finding(reserve: TiltReserve, dimension: int) -> NegativeVerdict:
+    """Return that a reserve against tilting which somebody wrote down is not reached."""
+    limited = limit_words(reserve)
+    reached, asked = np.rad2deg([reserve.critical_rad, reserve.asked_rad])
+    text = (
+        f"Less reserve than joints.tilt_margin_deg asks for: it falls at a tilt of {reached:.2f}° towards "
+        f"{towards(reserve.azimuth_rad, dimension)}, not {asked:.2f}°{'; ' if limited else ''}{limited}."
+    )
+    return NegativeVerdict("reserve", text, reserve.moving, reserve.case)
 
 
 def design_findings(assembly: Assembly, designed: Designed) -> list[NegativeVerdict]:

@@ -39,6 +39,7 @@ def run(args: argparse.Namespace) -> int:
     if result.interrupted is not None:
         return stages.interrupted(result, files, folder, console)
     outcome = stages.verified(folder, result, files, problems, console)
+    outcome = stages.with_reserve(outcome, config, console, result)
     outcome, interrupted = stages.simulate_design(outcome, questions, folder, console)
     outcome = stages.write_pages(outcome, config, folder, console)
     if not interrupted:

@@ -101,6 +101,7 @@ def run(args: argparse.Namespace) -> int:
         outcome = stages.judged(stored, console)
     else:
         outcome = stages.judged_as_is(config, contacts, console)
+    outcome = stages.with_reserve(outcome, config, console)
     outcome, interrupted = stages.simulate_design(outcome, asked, folder, console)
     outcome = stages.write_pages(outcome, config, folder, console)
     # After the report, which is there then also where OpenGL is missing.

@@ -25,10 +25,11 @@ from mocca_robot.errors import InputError
 from mocca_robot.files.design_json import StoredDesign, read_design, write_design
 from mocca_robot.files.stored_joints import joints_of
 from mocca_robot.motion.parts_graph import PartsGraph
-from mocca_robot.report.summary import case_words
+from mocca_robot.report.case_words import case_words
 from mocca_robot.statics.cases import CaseVerdict, solve_case
 from mocca_robot.statics.loads import state_cases
 from mocca_robot.statics.mobility import mobility
+from mocca_robot.statics.tilt_reserve import TiltReserve, tilt_reserve
 from mocca_robot.verdicts.agreement import Remark, remarks
 from mocca_robot.verdicts.physics import Simulation
 from mocca_robot.verdicts.simulation_json import write_simulation
@@ -55,6 +56,7 @@ class DesignOutcome:
         findings: negative verdicts so far.
         files: what was written, by kind.
         simulation: what physics says; None before physics was asked.
+        reserve: the smallest reserve against tilting; None before it was looked for, or where nothing has to stand.
     """
 
     design: Design
@@ -64,6 +66,7 @@ class DesignOutcome:
     findings: tuple[NegativeVerdict, ...] = ()
     files: dict[str, Path] = field(default_factory=dict)
     simulation: Simulation | None = None
+    reserve: TiltReserve | None = None
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
@@ -247,11 +250,30 @@ def verified(
     findings = [*reasons.design_findings(result.design.source, result), *outcome.findings]
     if not result.achieved and not findings:
         # The files are the judge; that the designer wanted more is worth knowing all the same.
-        note = (
-            "The written parts pass, but the designer's own reserves (joints.tilt_margin_deg, inset) are not reached."
-        )
+        note = "The written parts pass, but with less than the designer's own reserve (joints.inset)."
         outcome = replace(outcome, design=replace(outcome.design, notes=(*outcome.design.notes, note)))
     return replace(outcome, findings=(*findings, *problems), files=files)
+
+
+def with_reserve(
+    outcome: DesignOutcome, config: Config, console: Console, designed: Designed | None = None
+) -> DesignOutcome:
+    """Return the outcome with its smallest reserve against tilting, and what limits it as far as a design tells.
+
+    A design that misses it is a negative verdict where somebody wrote down how large it has to be; the default is a
+    wish.
+    """
+    with console.stage("reserve"):
+        found = tilt_reserve(outcome.after.graph, config.joints.tilt_margin_rad, config.simulate.azimuths)
+    if found is None:
+        return outcome
+    findings = outcome.findings
+    if designed is None:
+        return replace(outcome, reserve=found)
+    found = found.limited_by(designed.tight)
+    if found.missed and not findings and config.given("joints.tilt_margin_deg"):
+        findings = (reasons.reserve_finding(found, outcome.design.assembly.dimension),)
+    return replace(outcome, reserve=found, findings=findings)
 
 
 def judged(path: Path, console: Console) -> DesignOutcome:
@@ -357,6 +379,7 @@ def write_pages(
             negative=[f.text for f in outcome.findings],
             warnings=config.notes,
             friction=friction,
+            reserve=outcome.reserve,
         )
         path = write_report(folder / "report.html", data)
     return replace(outcome, files={**outcome.files, "report": path})

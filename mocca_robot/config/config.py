@@ -76,6 +76,10 @@ class Config:
     notes: tuple[str, ...]
     values: tuple[EffectiveValue, ...]
 
+    def given(self, key: str) -> bool:
+        """Return whether somebody set `key`, as an argument or in the configuration, rather than its default."""
+        return any(v.key == key and v.origin in ("argument", "configuration") for v in self.values)
+
 
 def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config:
     """Return the configuration in a YAML file, or the defaults for any file that holds parts.

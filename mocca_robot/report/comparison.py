@@ -11,12 +11,12 @@ from mocca_robot.design import Insertion
 from mocca_robot.files.output import write_atomic
 from mocca_robot.joints.joint import Joint
 from mocca_robot.report import pictures
+from mocca_robot.report.case_words import case_words
 from mocca_robot.report.markup import badge, degrees, esc, listed, significant, table
 from mocca_robot.report.page import document
 from mocca_robot.report.palette import part_colours
 from mocca_robot.report.pictures import Picture
 from mocca_robot.report.sections import APART, case_mark, section
-from mocca_robot.report.summary import case_words
 from mocca_robot.statics.solution import Status
 from mocca_robot.verdicts.agreement import agree
 from mocca_robot.verdicts.physics import Verdict

@@ -11,6 +11,7 @@ from mocca_robot.design import Design
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import CaseVerdict, critical_tilt, solve_case
 from mocca_robot.statics.loads import state_cases, tilt_azimuths
+from mocca_robot.statics.tilt_reserve import TiltReserve
 from mocca_robot.verdicts.physics import Simulation
 from mocca_robot.verdicts.verification import Verification, verify
 
@@ -41,6 +42,7 @@ class ReportData:
         versions: of the programs that computed it.
         negative: every negative verdict as a sentence, with its evidence; they stand at the top.
         warnings: what a reader should know besides `design.notes`.
+        reserve: the smallest reserve against tilting beside what was asked for; None when it was not looked for.
     """
 
     design: Design
@@ -53,6 +55,7 @@ class ReportData:
     versions: Mapping[str, str] = field(default_factory=dict)
     negative: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    reserve: TiltReserve | None = None
 
     @property
     def graph(self) -> PartsGraph:
@@ -77,6 +80,7 @@ def collect(
     negative: Sequence[str] = (),
     warnings: Sequence[str] = (),
     friction: float = 0.0,
+    reserve: TiltReserve | None = None,
 ) -> ReportData:
     """Return the report data of `design`, computing by statics whatever is not handed in.
 
@@ -100,6 +104,7 @@ def collect(
         versions=dict(versions) if versions is not None else installed_versions(),
         negative=tuple(negative),
         warnings=tuple(warnings),
+        reserve=reserve,
     )
 
 

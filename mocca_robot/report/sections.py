@@ -6,6 +6,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.report import pictures
+from mocca_robot.report.case_words import case_words
 from mocca_robot.report.cone_plots import joint_section
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.findings import decided
@@ -13,7 +14,6 @@ from mocca_robot.report.graph_drawing import graph_svg
 from mocca_robot.report.markup import badge, degrees, esc, listed, millimetres, significant, table
 from mocca_robot.report.palette import fills, part_colours
 from mocca_robot.report.pictures import Picture
-from mocca_robot.report.summary import case_words
 from mocca_robot.statics.cases import CaseVerdict
 
 LAYERS = (("names", "names"), ("joints", "joints"), ("forces", "contact forces"), ("collapse", "collapse motion"))

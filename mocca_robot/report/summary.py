@@ -6,40 +6,14 @@ import math
 
 import numpy as np
 
-from mocca_robot.assembly import Goal, Interlocking, Lateral, SupportFree
+from mocca_robot.assembly import Lateral
+from mocca_robot.report.case_words import case_words, goal_words
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.findings import disagreements, smallest_tilt, states, tilt_gaps
 from mocca_robot.report.markup import degrees, esc, listed, plural, significant
+from mocca_robot.report.tilt_words import limit_words
 from mocca_robot.statics.cases import CaseVerdict
 from mocca_robot.verdicts.verification import Verification
-
-
-def case_words(name: str) -> str:
-    """Return a load case's name in words (not escaped): 'state_p05' → 'just after placing p05'."""
-    if name.startswith("state_"):
-        return f"just after placing {name[6:]}"
-    if name.startswith("tilt_") and name[5:].lstrip("-").isdigit():
-        return f"ground tilted towards {int(name[5:])}°"
-    if name.startswith("load_"):
-        load, _, placed = name[5:].partition("_state_")
-        return f"under '{load}'" + (f", just after placing {placed}" if placed else "")
-    known = {
-        "gravity": "finished, under gravity",
-        "gravity_key_held": "finished, under gravity, key held",
-        "interlocking": "pushed apart, key held",
-    }
-    return known.get(name, name)
-
-
-def goal_words(goal: Goal) -> str:
-    """Return a goal in words (not escaped)."""
-    if isinstance(goal, SupportFree):
-        return "stands by itself in every state of the sequence"
-    if isinstance(goal, Lateral):
-        return f"stands on ground tilted by {degrees(goal.angle_rad, 0)}"
-    if isinstance(goal, Interlocking):
-        return f"interlocks with '{goal.key}' as its key"
-    return "stands under gravity"
 
 
 def asked_tilt(data: ReportData) -> float | None:
@@ -78,15 +52,24 @@ def _sentence(data: ReportData) -> str:
         return (
             f"<b>{name}</b> falls with flat contacts ({esc(case_words(before[0].case.name))}: "
             f"{listed(before[0].moving, 4)} would move). With the designed joints it stands, "
-            "without glue, screws or friction."
+            f"without glue, screws or friction{_short(data)}."
         )
     if not after:
-        return f"<b>{name}</b> stands with the designed joints; it would stand with flat contacts, too."
+        return f"<b>{name}</b> stands with the designed joints; it would stand with flat contacts, too{_short(data)}."
     worst = max(after, key=lambda c: np.nan_to_num(c.result.infeasibility, nan=1.0))
     return (
         f"<b>{name}</b> does not hold {plural(len(after), 'load case')}; the worst is "
         f"“{esc(case_words(worst.case.name))}”, where {listed(worst.moving, 4)} would move."
     )
+
+
+def _short(data: ReportData) -> str:
+    """Return that less reserve was reached than was asked for, to follow a verdict; nothing where it was reached."""
+    reserve = data.reserve
+    if reserve is None or not reserve.missed:
+        return ""
+    reached, asked = degrees(reserve.critical_rad, 2), degrees(reserve.asked_rad, 2)
+    return f", but falls at a tilt of {reached} where {asked} was asked for"
 
 
 def _only_locking(data: ReportData) -> bool:
@@ -179,6 +162,15 @@ def _margin(data: ReportData) -> str:
     words = f"smallest critical tilt, towards {where} (by {source}, no friction)"
     before = [t.before_rad for t in data.tilts if t.before_rad is not None and t.friction == 0.0]
     words += f"; the input: {degrees(min(before))}" if before else ""
+    if data.reserve is not None and data.reserve.missed:
+        words += f"; asked for {degrees(data.reserve.asked_rad)}"
+        if data.reserve.case != "gravity":
+            state = esc(case_words(data.reserve.case))
+            words += f". The weakest state falls at {degrees(data.reserve.critical_rad)}: {state}"
+        if limited := limit_words(data.reserve):
+            words += f". {esc(limited[:1].upper() + limited[1:])}"
+        met = asked is None or angle >= asked - 1e-4
+        return card("warn" if met else "bad", question, f"Tilts by {degrees(angle)}", words + ".")
     if asked is not None:
         words += f"; asked for {degrees(asked)}"
         return card("ok" if angle >= asked - 1e-4 else "bad", question, f"Tilts by {degrees(angle)}", words + ".")

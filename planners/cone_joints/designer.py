@@ -14,6 +14,7 @@ from mocca_robot.contacts.contact import Contact, ContactReport
 from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.design import CaseResult, Design
 from mocca_robot.errors import InputError
+from mocca_robot.joints.bounds import TightJoint
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import ways_out
@@ -30,6 +31,7 @@ from planners.cone_joints.search import FoundJoints, Keep, Progress, SearchState
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.shapes2d import Shapes2D
 from planners.cone_joints.shapes3d import Shapes3D
+from planners.cone_joints.tight_bounds import tight_joints
 from planners.cone_joints.unknowns import JointParameters, JointProblem
 
 
@@ -56,6 +58,7 @@ class Designed:
         evaluations: how often E was evaluated.
         interrupted: what Ctrl-C cut short; the joints are then the nearest found so far. None: it ran to its end.
         searched: the joints as the search left them, from which a similar design can start; None without a search.
+        tight: the bounds that every joint has reached, one entry per joint; empty without a search.
     """
 
     design: Design
@@ -67,6 +70,7 @@ class Designed:
     interrupted: str | None = None
     searched: FoundJoints | None = None
     cases: tuple[LoadCase, ...] = field(default=())
+    tight: tuple[TightJoint, ...] = ()
 
 
 @with_one_blas_thread
@@ -173,6 +177,7 @@ def design(
         interrupted=None if outcome is None else outcome.searched.interrupted,
         searched=None if outcome is None else outcome.searched,
         cases=required,
+        tight=() if outcome is None else tight_joints(outcome.problem, polished.parameters),
     )
 
 

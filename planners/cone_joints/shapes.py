@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.joint import Joint
 from mocca_robot.joints.options import JointOptions
@@ -15,6 +16,10 @@ from mocca_robot.joints.options import JointOptions
 
 class Shapes(Protocol):
     """All joints of an assembly, evaluated together. E joints, Q pairs, S shape and L lean parameters."""
+
+    @property
+    def assembly(self) -> Assembly:
+        """Return the assembly with planar contacts."""
 
     @property
     def contacts(self) -> tuple[Contact, ...]:
