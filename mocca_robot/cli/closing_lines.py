@@ -104,7 +104,9 @@ def physics_words(simulation: Simulation) -> str:
             f"{robust.succeeded} of {robust.trials} disturbed builds stand "
             f"({robust.low:.0%} to {robust.high:.0%} at {robust.confidence:.0%} confidence)"
         )
-    return f"{simulation.engine}: " + ("; ".join(said) or "nothing was asked")
+    engines = dict.fromkeys(simulation.engine_of(v) for v in (*simulation.states, *simulation.tilt))
+    engines = {simulation.engine: None} | engines
+    return f"{', '.join(engines)}: " + ("; ".join(said) or "nothing was asked")
 
 
 def _critical_tilts(tilts: Sequence[TiltVerdict]) -> str:

@@ -118,3 +118,8 @@ def test_states_are_counted_by_what_they_agree_on() -> None:
     said = physics_words(told())
     assert said.startswith("mujoco 3: 0 of 2 states stand, 0 agree with statics; falls at a tilt of 10.00° (")
     assert said.endswith("0 of 1 insertions inside the cones succeed, 1 of 1 outside")
+
+
+def test_every_engine_that_judged_is_named_once() -> None:
+    springs = dataclasses.replace(tilt(10.0, 10.1, 0.3), engine="coulomb 1")
+    assert physics_words(simulation(tilt(12.0, 12.1, 0.0), springs, springs)).startswith("mujoco 3, coulomb 1: ")
