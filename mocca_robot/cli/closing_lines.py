@@ -16,7 +16,7 @@ from mocca_robot.errors import quoted
 from mocca_robot.report import reserves, tilt_words
 from mocca_robot.report.case_words import goal_words
 from mocca_robot.verdicts.agreement import agree
-from mocca_robot.verdicts.physics import Simulation, TiltVerdict, Tries
+from mocca_robot.verdicts.physics import Simulation, StateVerdict, TiltVerdict, Tries
 from mocca_robot.verdicts.simulation_json import simulation_to_data
 
 
@@ -104,8 +104,8 @@ def physics_words(simulation: Simulation) -> str:
             f"{robust.succeeded} of {robust.trials} disturbed builds stand "
             f"({robust.low:.0%} to {robust.high:.0%} at {robust.confidence:.0%} confidence)"
         )
-    engines = dict.fromkeys(simulation.engine_of(v) for v in (*simulation.states, *simulation.tilt))
-    engines = {simulation.engine: None} | engines
+    verdicts: tuple[StateVerdict | TiltVerdict, ...] = (*simulation.states, *simulation.tilt)
+    engines = dict.fromkeys([simulation.engine, *(simulation.engine_of(v) for v in verdicts)])
     return f"{', '.join(engines)}: " + ("; ".join(said) or "nothing was asked")
 
 
