@@ -276,3 +276,11 @@ class Assembly:
         """Return the same assembly with new shapes, one per part."""
         parts = tuple(replace(p, shape=s) for p, s in zip(self.parts, shapes, strict=True))
         return replace(self, parts=parts)
+
+
+def on_the_ground(parts: Sequence[Part]) -> list[str]:
+    """Return the parts whose lowest point is within 1/1000 of the height above the lowest of all; never all of them."""
+    lowest = np.array([p.shape.bounds[0, -1] for p in parts])
+    highest = max(float(p.shape.bounds[1, -1]) for p in parts)
+    down = [p.name for p, low in zip(parts, lowest) if low <= lowest.min() + 1e-3 * (highest - lowest.min())]
+    return down if len(down) < len(parts) else down[:1]

@@ -126,6 +126,7 @@ def _generator(source: Source, inside: str, share: float, units: str) -> dict[st
 def _of_parts(
     name: str, source: Source, inside: str, folder: Path, units: str | None, console: Console
 ) -> tuple[str, Config, list[str]]:
+    from mocca_robot.assembly import on_the_ground
     from mocca_robot.config import starter
     from mocca_robot.config.model import read_model
 
@@ -136,7 +137,7 @@ def _of_parts(
     if len(parts) < 2:
         raise InputError(f"'{source.path}' holds one part; an assembly has at least a fixed and a free one.")
     if "fixed" not in model.given:
-        chosen["fixed"] = starter.on_the_ground(parts)
+        chosen["fixed"] = on_the_ground(parts)
     fixed = chosen.get("fixed") or [p.name for p in parts if p.fixed]
     if "sequence" not in model.given:
         chosen |= {"sequence": starter.by_height(parts, fixed), "why": "from the lowest part up"}

@@ -13,7 +13,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Interlocking, Part, Polygon
 from mocca_robot.config import schema
 from mocca_robot.config.keys import options, read_section, section
-from mocca_robot.config.model import Model, generated, read_model
+from mocca_robot.config.model import Model, generated, read_model, turned_upright
 from mocca_robot.config.schema import SimulationOptions
 from mocca_robot.errors import InputError
 from mocca_robot.fabrication.options import CutOptions
@@ -185,7 +185,13 @@ def _model(given: Mapping[str, Any], written: Mapping[str, Any], folder: Path, w
     model = read_model(target, units, scale, rigid)
     for name in rigid:
         fields.known_name(name, model.assembly.sequence, f"{where}: rigid")
-    return model
+    if given.get("up") != "y":
+        return model
+    if model.assembly.dimension == 2:
+        raise InputError(f"{where}: up belongs to solid parts; in flat ones y is up anyway. Remove it.")
+    if target.suffix.lower() == ".glb":
+        raise InputError(f"{where}: GLB files have y up by definition and are turned already; remove 'up'.")
+    return turned_upright(model)
 
 
 def _assembly(model: Model, given: Mapping[str, Any], where: str, unit_m: float) -> Assembly:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +81,20 @@ def generated(data: Mapping[str, Any], folder: Path, scale: float, where: str) -
     except (OSError, ArithmeticError, UnicodeError, TypeError, ValueError) as error:
         raise InputError(f"{where}: '{kind}' cannot be made from these parameters: {error}.") from None
     return Model(assembly=scaled(assembly, scale), unit_m=1.0, unit="m", given=frozenset({"sequence", "fixed"}))
+
+
+def turned_upright(model: Model) -> Model:
+    """Return a model of solids whose y points up with z up: (x, y, z) becomes (x, −z, y), bit for bit."""
+
+    def turned(vectors: Array) -> Array:
+        return np.stack([vectors[..., 0], 0.0 - vectors[..., 2], vectors[..., 1]], axis=-1)
+
+    shapes = [Mesh(turned(p.shape.vertices), p.shape.faces) for p in model.assembly.parts if isinstance(p.shape, Mesh)]
+    assembly = replace(model.assembly.with_shapes(shapes), gravity=turned(model.assembly.gravity))
+    if "gravity" not in model.given:
+        assembly = replace(assembly, gravity=model.assembly.gravity)
+    insertion = {name: turned(way) for name, way in model.insertion.items()}
+    return replace(model, assembly=assembly, insertion=insertion)
 
 
 def scaled(assembly: Assembly, factor: float) -> Assembly:

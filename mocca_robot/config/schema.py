@@ -76,6 +76,14 @@ KEYS: tuple[Key, ...] = (
         high=1e6,
     ),
     Key(
+        "up",
+        "choice",
+        "z",
+        "",
+        "Which axis of a solid model's numbers points up; with y, as many modellers have it, (x, y, z) → (x, −z, y).",
+        known=("z", "y"),
+    ),
+    Key(
         "rigid",
         "names",
         [],

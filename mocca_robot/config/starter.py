@@ -117,14 +117,6 @@ def lacks_unit(path: Path) -> bool:
     return not (path / "design.json").is_file() and any(f.suffix.lower() in silent for f in path.iterdir())
 
 
-def on_the_ground(parts: Sequence[Part]) -> list[str]:
-    """Return the parts whose lowest point is within 1/1000 of the height above the lowest of all; never all of them."""
-    lowest = np.array([p.shape.bounds[0, -1] for p in parts])
-    highest = max(float(p.shape.bounds[1, -1]) for p in parts)
-    down = [p.name for p, low in zip(parts, lowest) if low <= lowest.min() + 1e-3 * (highest - lowest.min())]
-    return down if len(down) < len(parts) else down[:1]
-
-
 def by_height(parts: Sequence[Part], fixed: Sequence[str]) -> list[str]:
     """Return fixed parts first, then the others from the lowest centroid up."""
     return [p.name for p in sorted(parts, key=lambda p: (p.name not in fixed, float(p.centroid[-1])))]

@@ -1,20 +1,20 @@
 """Assemblies of COMPAS, read without COMPAS itself: its files are plain JSON.
 
 Read are compas_assembly's Assembly and compas_cra's CRA_Assembly (blocks with supports), models of compas_model and
-compas_dem (blocks, plates, beams, columns), and a list of meshes. COMPAS knows no unit: `unit_m` says what its
-numbers are.
+compas_dem (blocks, plates, beams, columns), and lists of meshes, also inside lists. COMPAS 1 writes "value" where 2
+writes "data". COMPAS knows no unit: `unit_m` says what its numbers are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from mocca_robot.arrays import Array
-from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Part
+from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Part, on_the_ground
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.mending import repaired
@@ -24,6 +24,8 @@ ASSEMBLIES = ("Assembly", "CRA_Assembly")
 MODELS = ("Model", "BlockModel")
 KNOWN = "an Assembly (compas_assembly, compas_cra), a Model (compas_model, compas_dem) or a list of Meshes"
 MAX_PARTS = 5000
+MAX_NESTED = 8
+"""Lists inside lists."""
 
 
 @dataclass(frozen=True)
@@ -39,15 +41,17 @@ class _Block:
 
 def is_compas(data: object) -> bool:
     """Return whether parsed JSON is something that COMPAS wrote: an object with a dtype, or a list of such."""
-    first = data[0] if isinstance(data, list) and data else data
-    return isinstance(first, dict) and "dtype" in first
+    for _ in range(MAX_NESTED):
+        if isinstance(data, list) and data:
+            data = data[0]
+    return isinstance(data, dict) and "dtype" in data
 
 
 def assembly_from_compas(data: object, name: str, where: str, unit_m: float) -> tuple[Assembly, tuple[str, ...]]:
     """Return the parts of a COMPAS file in the order of its nodes or elements, and notes on repairs.
 
     Names are those of the blocks where they are there and differ, else `block_000` by node. Supports are fixed.
-    Raises InputError for other objects, elements without a shape, open meshes and files of COMPAS 1.
+    Raises InputError for other objects, elements without a shape and open meshes.
     """
     blocks = list(_blocks(data, where))
     if not blocks:
@@ -66,24 +70,29 @@ def assembly_from_compas(data: object, name: str, where: str, unit_m: float) -> 
             raise InputError(f"{where}: {error}") from None
         parts.append(Part(called, mesh, block.density, block.fixed))
         notes += [f"part '{called}': {note}" for note in repairs]
+    if isinstance(data, list) and len(parts) > 1:
+        ground = on_the_ground(parts)
+        parts = [replace(p, fixed=p.name in ground) for p in parts]
+        listed = ", ".join(ground[:6]) + (", …" if len(ground) > 6 else "")
+        notes.append(f"{where}: a list of meshes has no supports; the lowest stand on the ground: fixed: [{listed}]")
     return Assembly(name, tuple(parts)), tuple(notes)
 
 
-def _blocks(data: object, where: str) -> Iterator[_Block]:
+def _blocks(data: object, where: str, depth: int = 0) -> Iterator[_Block]:
     if isinstance(data, list):
+        if depth >= MAX_NESTED:
+            raise InputError(f"{where}: lists lie in lists more than {MAX_NESTED} deep; save a plain list of meshes.")
         for k, entry in enumerate(data):
-            yield _mesh_block(entry, f"{where}[{k}]")
+            yield from _blocks(entry, f"{where}[{k}]", depth + 1)
         return
     top = fields.mapping(data, where)
     kind = _kind(top, where)
-    if "data" not in top:
-        raise InputError(
-            f'{where} has no "data": it was written by COMPAS 1 or is damaged. Load it and save it again with COMPAS 2.'
-        )
+    if "data" not in top and "value" not in top:
+        raise InputError(f'{where} has no "data"; the file is damaged. Save it again with COMPAS.')
     if kind in ASSEMBLIES:
-        yield from _assembly_blocks(fields.mapping(top["data"], f"{where}: data"), where)
+        yield from _assembly_blocks(_inner(top, where), where)
     elif kind in MODELS:
-        yield from _model_blocks(fields.mapping(top["data"], f"{where}: data"), where)
+        yield from _model_blocks(_inner(top, where), where)
     elif kind in ("Mesh", "Block"):
         yield _mesh_block(top, where)
     else:
@@ -249,9 +258,10 @@ def _within_reach(points: Array, where: str) -> Array:
 
 
 def _inner(data: object, where: str) -> dict[str, Any]:
-    """Return what lies in an object's "data" (Graphs may stand without)."""
+    """Return what lies in an object's "data", or "value" with COMPAS 1 (Graphs may stand without)."""
     given = fields.mapping(data, where)
-    return fields.mapping(given["data"], f"{where}: data") if "data" in given else given
+    key = next((k for k in ("data", "value") if k in given), None)
+    return given if key is None else fields.mapping(given[key], f"{where}: {key}")
 
 
 def _key(data: Mapping[str, Any], key: str, where: str) -> Any:

@@ -23,6 +23,10 @@ CLOSED = 1e-6
 """Paths whose ends are closer than this share of the drawing are closed: editors round to about six digits."""
 
 
+GAP = 1e-4
+"""Ends of an outline that are closer than this share of its size are joined, and it is said."""
+
+
 @dataclass(frozen=True, eq=False)
 class Drawing:
     """What a drawing holds.
@@ -46,6 +50,13 @@ class Subpath:
 
     curves: Array
     closed: bool
+
+
+def is_open(subpath: Subpath) -> bool:
+    """Return whether a chain of curves has ends that lie apart."""
+    size = float(np.linalg.norm(np.ptp(subpath.curves.reshape(-1, 2), axis=0)))
+    gap = float(np.linalg.norm(subpath.curves[-1, 3] - subpath.curves[0, 0]))
+    return not subpath.closed and gap > GAP * size
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +86,19 @@ def require_few(curves: int, where: str) -> None:
 
 
 def polygons(
-    shapes: Sequence[Shape], where: str, factor: float, unit: str, thickness: float, *, y_up: bool
+    shapes: Sequence[Shape],
+    where: str,
+    factor: float,
+    unit: str,
+    thickness: float,
+    *,
+    y_up: bool,
+    notes: list[str] | None = None,
 ) -> tuple[tuple[str, Polygon], ...]:
     """Return name and polygon of every shape: `factor` metres per unit, which messages call `unit`.
 
-    Curves are flattened so that parts that share one get the same points. Raises InputError for names used twice,
+    Curves are flattened so that parts that share one get the same points; gaps that were closed are added to `notes`.
+    Raises InputError for names used twice,
     open or crossing outlines, several pieces in one shape, and a drawing without shapes.
     """
     if not shapes:
@@ -88,7 +107,7 @@ def polygons(
     require_few(sum(len(p.curves) for s in shapes for p in s.subpaths), where)
     sign = 1.0 if y_up else -1.0
     return tuple(
-        (shape.name, _part(shape, lines, factor, sign, unit, thickness))
+        (shape.name, _part(shape, lines, factor, sign, unit, thickness, [] if notes is None else notes))
         for shape, lines in zip(shapes, _flattened(shapes, where))
     )
 
@@ -129,7 +148,9 @@ def _require_few_copies(curves: Array, size: float, where: str) -> None:
         )
 
 
-def _part(shape: Shape, lines: list[Array], factor: float, sign: float, unit: str, thickness: float) -> Polygon:
+def _part(
+    shape: Shape, lines: list[Array], factor: float, sign: float, unit: str, thickness: float, notes: list[str]
+) -> Polygon:
     def spoken(point: Array) -> str:
         return f"({point[0] / factor:.6g}, {sign * point[1] / factor:.6g}) {unit}"
 
@@ -141,7 +162,9 @@ def _part(shape: Shape, lines: list[Array], factor: float, sign: float, unit: st
     for subpath, line in zip(shape.subpaths, lines):
         gap = float(np.linalg.norm(line[-1] - line[0]))
         up = line * np.array([factor, sign * factor])
-        if not subpath.closed and gap > CLOSED * size:
+        if not subpath.closed and CLOSED * size < gap <= GAP * size:
+            notes.append(f"Part '{name}': a gap of {gap:.4g} {unit} at {spoken(up[0])} closed")
+        elif not subpath.closed and gap > CLOSED * size:
             raise InputError(
                 f"Part '{name}': its path is open, from {spoken(up[0])} to {spoken(up[-1])} ({gap:.4g} {unit} apart); "
                 "close it in the editor."

@@ -55,10 +55,12 @@ def read_dxf(path: Path, units: str | None = None, scale: float = 1.0, thickness
     except (ezdxf.DXFError, *BROKEN) as error:
         raise _damaged(error, where) from None
     groups = [g for g in walker.groups.values() if g.closed or g.loose]
-    shapes = numbered([s for g in groups for s in shapes_of(g, walker.texts, where, unit)])
-    notes = tuple(f"{where}: {n} {kind} left out (only outlines become parts)" for kind, n in walker.left_out.items())
+    shapes, _ = numbered([s for g in groups for s in shapes_of(g, walker.texts, where, unit)])
+    notes = [f"{where}: {n} {kind} left out (only outlines become parts)" for kind, n in walker.left_out.items()]
+    notes += [f"{where}: {note}" for g in groups for note in g.notes]
     factor = fields.UNITS_M[unit] * scale
-    return Drawing(polygons(shapes, where, factor, unit, thickness, y_up=True), unit, factor, notes)
+    parts = polygons(shapes, where, factor, unit, thickness, y_up=True, notes=notes)
+    return Drawing(parts, unit, factor, tuple(notes))
 
 
 def _document(path: Path, where: str) -> Any:
@@ -138,7 +140,7 @@ class _BlockWalker:
             if self._is_hidden(entity):
                 self.left_out["hidden element"] += 1
             elif kind == "INSERT":
-                self._insert(entity, group, depth)
+                self._insert(entity, depth)
             elif kind in OUTLINES:
                 self._outline(entity, group or self._layer(entity))
             elif kind in ("TEXT", "MTEXT"):
@@ -155,16 +157,16 @@ class _BlockWalker:
 
     def _layer(self, entity: Any) -> Group:
         name = str(entity.dxf.get("layer", "0"))
-        return self.groups.setdefault(("layer", name.lower()), Group(name))
+        return self.groups.setdefault(("layer", name.lower()), Group("part" if name == "0" else name))
 
-    def _insert(self, entity: Any, group: Group | None, depth: int) -> None:
+    def _insert(self, entity: Any, depth: int) -> None:
         name = str(entity.dxf.get("name", ""))
         if entity.mcount > 1:
             raise InputError(
                 f"{self.where}: block '{name[:60]}' is inserted as an array; explode it into single blocks."
             )
-        if group is None:
-            group = self.groups.setdefault(("block", len(self.groups)), Group(name, is_block=True))
+        # Blocks inside blocks are parts of their own; what lies in the outer one beside them is one more.
+        group = self.groups.setdefault(("block", len(self.groups)), Group(name, is_block=True))
         before = self.seen
         try:
             inside = list(entity.virtual_entities())

@@ -135,11 +135,17 @@ def _objects(path: Path, units: str | None) -> list[MeshObject]:
         solids, note = read_stl(path)
         notes = (note,) if note else ()
         return [MeshObject(name or path.stem, v * factor, f, (), notes) for name, v, f in solids]
+    if suffix == "3mf":
+        from mocca_robot.files.threemf import read_threemf
+
+        pieces, unit = read_threemf(path)
+        factor = _factor(path, units or unit, None)
+        return [MeshObject(name, v * factor, f) for name, v, f in pieces]
     return _scene(path, suffix, units)
 
 
 def _scene(path: Path, suffix: str, units: str | None) -> list[MeshObject]:
-    """Return the objects of a PLY, 3MF or GLB file, in metres."""
+    """Return the objects of a PLY or GLB file, in metres."""
     import trimesh
 
     try:
@@ -147,7 +153,7 @@ def _scene(path: Path, suffix: str, units: str | None) -> list[MeshObject]:
     except Exception as error:  # every loader of trimesh fails in its own way
         raise InputError(f"{path} cannot be read as {suffix.upper()}: {error}. Export it again.") from error
     declared = scene.units or next((g.units for g in scene.geometry.values() if g.units), None)
-    factor = _factor(path, units, declared if suffix in ("glb", "3mf") else None)
+    factor = _factor(path, units, declared if suffix == "glb" else None)
     found = []
     rank = {key: k for k, key in enumerate(scene.geometry)}
     nodes = sorted(scene.graph.nodes_geometry, key=lambda n: (rank[scene.graph[n][1]], str(n)))

@@ -5,23 +5,29 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 import shapely
 
 from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
-from mocca_robot.files.drawing import CLOSED, Shape, Subpath, add_chain
+from mocca_robot.files.curves import elevated, flattened
+from mocca_robot.files.drawing import Shape, Subpath, add_chain
+
+JOIN = 1e-5
+"""Ends of lines that are closer than this share of what is drawn together meet."""
 
 
 @dataclass(eq=False)
 class Group:
-    """What is drawn together: on one layer, or inside one block reference."""
+    """What is drawn together: on one layer, or inside one block reference; `notes` tell what was assumed about it."""
 
     name: str
     closed: list[Subpath] = field(default_factory=list)
     loose: list[Array] = field(default_factory=list)
     is_block: bool = False
+    notes: list[str] = field(default_factory=list)
 
 
 def shapes_of(group: Group, texts: Sequence[tuple[str, tuple[float, float]]], where: str, unit: str) -> Iterator[Shape]:
@@ -63,24 +69,18 @@ def _polyline(ring: Subpath) -> shapely.Polygon:
 
 
 def _joined(group: Group, where: str, unit: str) -> list[Subpath]:
-    """Return the outlines that the open lines and arcs of a group form, end to end."""
+    """Return the outlines that open lines and arcs of a group form: end to end, or around the areas of a network."""
     if not group.loose:
         return []
     ends = np.array([[c[0, 0], c[-1, 3]] for c in group.loose])
     size = float(np.linalg.norm(np.ptp(ends.reshape(-1, 2), axis=0))) or 1.0
-    spot = _spots(ends.reshape(-1, 2), CLOSED * size * 10).reshape(-1, 2)
+    spot = _spots(ends.reshape(-1, 2), JOIN * size).reshape(-1, 2)
     meeting: dict[int, list[tuple[int, int]]] = {}
     for k, pair in enumerate(spot):
         for end in (0, 1):
             meeting.setdefault(int(pair[end]), []).append((k, end))
-    for met in meeting.values():
-        if len(met) != 2:
-            x, y = ends[met[0][0], met[0][1]]
-            said = "ends there" if len(met) == 1 else f"branches there: {len(met)} lines meet"
-            raise InputError(
-                f"{where}: the outline on layer or in block '{group.name[:60]}' is not closed at ({x:.6g}, {y:.6g}) "
-                f"{unit}, it {said}; draw every part as one closed polyline, or on a layer of its own."
-            )
+    if any(len(met) != 2 for met in meeting.values()):
+        return _network(group, ends, spot, size, where, unit)
     found: list[Subpath] = []
     left = set(range(len(group.loose)))
     while left:
@@ -96,6 +96,52 @@ def _joined(group: Group, where: str, unit: str) -> list[Subpath]:
     return found
 
 
+def _not_closed(group: Group, at: Array, where: str, unit: str) -> InputError:
+    return InputError(
+        f"{where}: the outline on layer or in block '{group.name[:60]}' is not closed at ({at[0]:.6g}, {at[1]:.6g}) "
+        f"{unit}, it ends there; join the lines in the drawing (in AutoCAD: PEDIT, Join; in Rhino: Join; in Inkscape: "
+        "Path, Combine, then join the end nodes)."
+    )
+
+
+def _network(group: Group, ends: Array, spot: Array, size: float, where: str, unit: str) -> list[Subpath]:
+    """Return the outlines of the areas between lines that share ends, curves in straight pieces."""
+    places = np.zeros((int(spot.max()) + 1, 2))
+    places[spot.reshape(-1)] = ends.reshape(-1, 2)
+    flat = iter(flattened(np.concatenate(group.loose), size))
+    lines = []
+    for curves, (first, last) in zip(group.loose, spot):
+        points = np.concatenate([next(flat)[:-1] for _ in curves] + [curves[-1, 3:]])
+        points[0], points[-1] = places[first], places[last]
+        lines.append(shapely.LineString(points))
+    lines = _with_ends_of_others(lines, places, JOIN * size)
+    areas, cuts, dangles, _ = shapely.polygonize_full([shapely.unary_union(lines)])
+    for left_over in (*shapely.get_parts(dangles), *shapely.get_parts(cuts)):
+        raise _not_closed(group, np.asarray(left_over.coords[0]), where, unit)
+    found: list[Subpath] = []
+    for area in shapely.get_parts(areas):
+        points = np.asarray(area.exterior.coords)
+        add_chain(found, [elevated([tuple(a), tuple(b)]) for a, b in pairwise(points.tolist())], True)
+    group.notes.append(f"the lines of '{group.name[:60]}' meet in a network, read as its {len(found)} areas")
+    return found
+
+
+def _with_ends_of_others(lines: list[shapely.LineString], places: Array, slack: float) -> list[shapely.LineString]:
+    """Return lines with the `places` (m, 2) closer than `slack` as corners of theirs."""
+    found = list(lines)
+    tree = shapely.STRtree(shapely.points(places))
+    for k, line in enumerate(lines):
+        near = places[tree.query(line, predicate="dwithin", distance=slack)]
+        own = np.asarray(line.coords)
+        new = near[np.linalg.norm(near[:, None] - own[None], axis=2).min(axis=1, initial=np.inf) > slack]
+        if len(new):
+            at = [line.project(shapely.Point(p)) for p in (*own, *new)]
+            at[len(own) - 1] = line.length
+            points = np.concatenate([own, new])[np.argsort(at, kind="stable")]
+            found[k] = shapely.LineString(points)
+    return found
+
+
 def _spots(points: Array, slack: float) -> Array:
     """Return the number of each point's place (n,): points closer than `slack` are in one."""
     from scipy.sparse import coo_array
@@ -107,18 +153,18 @@ def _spots(points: Array, slack: float) -> Array:
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
-def numbered(shapes: list[Shape]) -> list[Shape]:
-    """Return the shapes with '_1', '_2', … after names that several have; layer 0 is called 'part'."""
-    named = [Shape("part" if s.name == "0" else s.name, s.subpaths) for s in shapes]
-    count = Counter(s.name for s in named)
+def numbered(shapes: list[Shape]) -> tuple[list[Shape], tuple[str, ...]]:
+    """Return the shapes with '_1', '_2', … after names that several have, and a note for each such name."""
+    count = Counter(s.name for s in shapes)
     used: Counter[str] = Counter()
     taken = {n for n, c in count.items() if c == 1}
     found = []
-    for shape in named:
+    for shape in shapes:
         name = shape.name
         while count[shape.name] > 1 and (name == shape.name or name in taken):
             used[shape.name] += 1
             name = f"{shape.name}_{used[shape.name]}"
         taken.add(name)
         found.append(Shape(name, shape.subpaths))
-    return found
+    several = (f"{c} parts are called '{n}', read as '{n}_1', '{n}_2', …" for n, c in count.items() if c > 1)
+    return found, tuple(several)

@@ -15,7 +15,9 @@ from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.curves import elevated, elliptic_arc
 from mocca_robot.files.documents import read_text
-from mocca_robot.files.drawing import Drawing, Shape, Subpath, add_chain, polygons, require_few
+from mocca_robot.files.drawing import Drawing, Shape, Subpath, add_chain, is_open, polygons, require_few
+from mocca_robot.files.outlines import Group, numbered, shapes_of
+from mocca_robot.files.svg_css import is_background
 from mocca_robot.files.svg_tree import Outline, outlines, parse_length, parse_xml
 
 MAX_SVG_BYTES = 16 * 1024 * 1024
@@ -26,9 +28,10 @@ MAX_ARCS = 10_000
 def read_svg(path: Path, units: str | None = None, scale: float = 1.0, thickness: float = DEFAULT_THICKNESS) -> Drawing:
     """Return the parts of an SVG drawing: every visible path, polygon, rect, circle or ellipse is one.
 
-    A path inside another one of the same element is a hole. Curves are flattened so that parts that share one
-    get the same points. `units` is the unit of the drawing's numbers; without it the drawing's own width and
-    height (`width="200mm"`) decide.
+    Open lines of one group are joined end to end; where more than two meet, every area between them is a part. A path
+    inside another one of the same element is a hole. Curves are flattened so that parts that share one get the same
+    points. `units` is the unit of the drawing's numbers; without it the drawing's own width and height
+    (`width="200mm"`) decide.
 
     Raises InputError for open or crossing paths, several pieces in one path, unknown or contradictory units.
     """
@@ -42,13 +45,50 @@ def read_svg(path: Path, units: str | None = None, scale: float = 1.0, thickness
             f"{where} has {written:,} characters of path data; at most {MAX_PATH_DATA:,} are read. Simplify its paths."
         )
     _require_few_arcs(shapes, where)
-    found, curves = [], 0
+    drawn, curves = [], 0
     for shape in shapes:
-        found.append(Shape(shape.name, tuple(_subpaths(shape))))
-        curves += sum(len(p.curves) for p in found[-1].subpaths)
+        drawn.append((shape, tuple(_subpaths(shape))))
+        curves += sum(len(p.curves) for p in drawn[-1][1])
         require_few(curves, where)
-    parts = polygons(found, where, factor, unit, thickness, y_up=False)
-    return Drawing(parts, unit, factor, notes)
+    said = list(notes)
+    found, renamed = numbered(_joined(_without_background(drawn, root, where, said), where, unit, said))
+    said += [f"{where}: {note}" for note in renamed]
+    parts = polygons(found, where, factor, unit, thickness, y_up=False, notes=said)
+    return Drawing(parts, unit, factor, tuple(said))
+
+
+def _without_background(
+    drawn: list[tuple[Outline, tuple[Subpath, ...]]], root: ET.Element, where: str, notes: list[str]
+) -> list[tuple[Outline, tuple[Subpath, ...]]]:
+    """Return the shapes without a rectangle that covers the whole page behind others; it is said in `notes`."""
+    box = [float(v) for v in re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", root.get("viewBox", ""))]
+    if len(box) != 4 or len(drawn) < 3:
+        return drawn
+    low = np.array(box[:2])
+    outline, subpaths = drawn[0]
+    corners = np.concatenate([p.curves[:, 0] for p in subpaths]) if subpaths else np.zeros((0, 2))
+    if len(subpaths) != 1 or not is_background(corners, low, low + box[2:]):
+        return drawn
+    notes.append(f"{where}: '{outline.name}', a rectangle over the whole page, left out (a background is no part)")
+    return drawn[1:]
+
+
+def _joined(drawn: list[tuple[Outline, tuple[Subpath, ...]]], where: str, unit: str, notes: list[str]) -> list[Shape]:
+    """Return the shapes, with open lines of one group joined; what was assumed is added to `notes`."""
+    loose: dict[int, list[Array]] = {}
+    for outline, subpaths in drawn:
+        if subpaths and all(is_open(p) for p in subpaths):
+            loose.setdefault(outline.group[1], []).extend(p.curves for p in subpaths)
+    found: list[Shape] = []
+    for outline, subpaths in drawn:
+        name, key = outline.group
+        if subpaths and all(is_open(p) for p in subpaths) and len(loose.get(key, ())) != 1:
+            group = Group(name or "part", loose=loose.pop(key, []))
+            found += shapes_of(group, (), where, unit)
+            notes += [f"{where}: {note}" for note in group.notes]
+        else:
+            found.append(Shape(outline.name, subpaths))
+    return found
 
 
 def _require_few_arcs(shapes: list[Outline], where: str) -> None:

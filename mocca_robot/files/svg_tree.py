@@ -13,23 +13,37 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
 from mocca_robot.files.fields import UNITS_M, shown
+from mocca_robot.files.svg_css import Styles, is_hidden, svg_transform
 
 MAX_ELEMENTS = 50_000
 MAX_DEPTH = 100
 _SHAPES = {"path", "rect", "circle", "ellipse", "polygon", "polyline", "line"}
 _GROUPS = {"g", "a", "switch"}
-_LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
+_NAMES = ("{http://www.inkscape.org/namespaces/inkscape}label", "{http://www.serif.com/}id", "data-name")
+"""Where Inkscape, Affinity and Illustrator keep what people typed."""
+_GENERATED = re.compile(r"(?:path|rect|circle|ellipse|polygon|polyline|line|use|g|SVGID|XMLID)[-_]?\d+(?:[-_]\d+)*_?|")
+"""Ids that an editor made up."""
+_ESCAPED = re.compile(r"_x([0-9A-Fa-f]{2,4})_")
+"""Illustrator's way of writing spaces and umlauts in ids."""
 _XLINK = "{http://www.w3.org/1999/xlink}href"
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """One shape: its name, its path data, and the matrix (2, 3) that takes it into the drawing's coordinates."""
+    """One shape.
+
+    Attributes:
+        name: what the editor shows: a label, else an id that somebody wrote, else the name of a group around it alone.
+        path: its path data.
+        matrix: (2, 3), takes it into the drawing's coordinates.
+        group: the name of the group that it lies in, and a number that tells groups apart.
+    """
 
     name: str
     path: str
     matrix: Array
+    group: tuple[str, int] = ("", 0)
 
 
 def parse_xml(text: str, where: str) -> ET.Element:
@@ -68,9 +82,17 @@ class _ElementWalker:
         self.unnamed = 0
         self.left_out: dict[str, int] = {}
         self.by_id = {e.get("id", ""): e for e in root.iter() if e.get("id")}
-        self.hidden = _hidden_selectors(root)
+        self.styles = Styles(root)
 
-    def walk(self, element: ET.Element, matrix: Array, depth: int, alias: str = "") -> Iterator[Outline]:
+    def walk(
+        self,
+        element: ET.Element,
+        matrix: Array,
+        depth: int,
+        alias: str = "",
+        group: tuple[str, int] = ("", 0),
+        cloned: bool = False,
+    ) -> Iterator[Outline]:
         self.seen += 1
         if self.seen > MAX_ELEMENTS or depth > MAX_DEPTH:
             raise InputError(
@@ -78,19 +100,25 @@ class _ElementWalker:
                 "clones counted; simplify it."
             )
         tag = _tag(element)
-        if self._is_hidden(element):
+        style = self.styles.of(element, tag)
+        if is_hidden(style, element):
             self.left_out["hidden element"] = self.left_out.get("hidden element", 0) + 1
             return
-        matrix = composed(matrix, parse_transform(element.get("transform", ""), self._called(element)))
+        called = self._called(element)
+        moved = svg_transform(style, called)
+        matrix = composed(matrix, parse_transform(element.get("transform", "") if moved is None else moved, called))
         if tag in _GROUPS or (tag == "svg" and depth == 0):
+            shapes = [c for c in element if _tag(c) in _SHAPES | _GROUPS | {"use"}]
+            inner = (_own_name(element) or group[0], self.seen) if depth else group
+            around = (alias if cloned else _own_name(element) or alias) if len(shapes) == 1 and depth else ""
             for child in element:
-                yield from self.walk(child, matrix, depth + 1, alias if len(element) == 1 else "")
+                yield from self.walk(child, matrix, depth + 1, around if child in shapes else "", inner, cloned)
         elif tag == "use":
             yield from self._clone(element, matrix, depth)
         elif tag in _SHAPES:
             data = path_data(element, self._called(element))
             if data:
-                yield Outline(alias or self._name(element), data, matrix)
+                yield Outline(alias if cloned and alias else self._name(element, alias), data, matrix, group)
         elif tag == "svg":
             raise InputError(f"{self.where} holds an <svg> inside an <svg>; ungroup it in the editor.")
         elif tag in {"text", "image", "symbol", "foreignObject"}:
@@ -106,39 +134,28 @@ class _ElementWalker:
                 "drawing; unlink clones in the editor."
             )
         shift = np.array([[1.0, 0.0, _length(element, "x", called)], [0.0, 1.0, _length(element, "y", called)]])
-        alias = element.get("id") or element.get(_LABEL) or ""
-        yield from self.walk(target, composed(matrix, shift), depth + 1, alias)
+        alias = _own_name(element) or element.get("id") or ""
+        yield from self.walk(target, composed(matrix, shift), depth + 1, alias, cloned=True)
 
-    def _is_hidden(self, element: ET.Element) -> bool:
-        style = re.sub(r"\s+", "", element.get("style", ""))
-        if element.get("display") == "none" or "display:none" in style:
-            return True
-        if element.get("visibility") == "hidden" or "visibility:hidden" in style:
-            return True
-        selectors = {f"#{element.get('id')}", *(f".{c}" for c in element.get("class", "").split())}
-        return bool(selectors & self.hidden)
-
-    def _name(self, element: ET.Element) -> str:
-        name = element.get("id") or element.get(_LABEL)
+    def _name(self, element: ET.Element, alias: str) -> str:
+        name = _own_name(element) or alias or element.get("id")
         if name:
             return name
         self.unnamed += 1
         return f"part_{self.unnamed:02d}"
 
     def _called(self, element: ET.Element) -> str:
-        name = element.get("id") or element.get(_LABEL)
+        name = _own_name(element) or element.get("id")
         return f"'{name[:60]}'" if name else f"<{_tag(element)}> without id"
 
 
-def _hidden_selectors(root: ET.Element) -> set[str]:
-    """Return the '.class' and '#id' selectors whose style sheet rule says display: none."""
-    found: set[str] = set()
-    for element in root.iter():
-        if _tag(element) == "style":
-            for selectors, body in re.findall(r"([^{}]+)\{([^{}]*)\}", element.text or ""):
-                if "display:none" in re.sub(r"\s+", "", body):
-                    found |= {s.strip() for s in selectors.split(",")}
-    return found
+def _own_name(element: ET.Element) -> str:
+    """Return what an element is called in its editor; empty where only a generated id tells it apart."""
+    for key in _NAMES:
+        if name := element.get(key, "").strip():
+            return " ".join(name.split())
+    name = _ESCAPED.sub(lambda found: chr(int(found[1], 16)), element.get("id", "")).strip()
+    return "" if _GENERATED.fullmatch(name) else name
 
 
 def _tag(element: ET.Element) -> str:

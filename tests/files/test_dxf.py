@@ -173,11 +173,6 @@ def _open(d: Any) -> None:
     d.modelspace().add_lwpolyline(RECTANGLE, dxfattribs={"layer": "gap"})
 
 
-def _branch(d: Any) -> None:
-    lines(d, "fork", RECTANGLE)
-    d.modelspace().add_line((10, 5), (30, 20), dxfattribs={"layer": "fork"})
-
-
 def _crossing(d: Any) -> None:
     polyline(d, "bow", [(0, 0), (10, 10), (10, 0), (0, 10)])
 
@@ -210,7 +205,6 @@ def _doubling(d: Any) -> None:
     ("draw", "said"),
     [
         (_open, r"'gap' is not closed at \((10, 5|10, 20)\) mm"),
-        (_branch, "branches there: 3 lines meet.*layer of its own"),
         (_crossing, "'bow'.*crosses or touches itself"),
         (_steep, "'roof' is not flat: its heights run from 0 to 5"),
         (_in_itself, "blocks inside blocks more than 10 deep|more than 50,000"),
@@ -218,7 +212,7 @@ def _doubling(d: Any) -> None:
         (_doubling, "more than 50,000 elements"),
         (lambda d: None, "holds no visible closed path"),
     ],
-    ids=["open", "branch", "crossing", "steep", "block in itself", "array", "blocks doubled", "empty"],
+    ids=["open", "crossing", "steep", "block in itself", "array", "blocks doubled", "empty"],
 )
 def test_unusable_drawings_are_refused_with_the_place(tmp_path: Path, draw: Callable[[Any], object], said: str) -> None:
     with pytest.raises(InputError, match=said):

@@ -158,7 +158,8 @@ def test_a_model_is_placed_by_its_groups_and_its_own_transformation() -> None:
 @pytest.mark.parametrize(
     ("data", "said"),
     [
-        ({"dtype": "compas_assembly.datastructures/Assembly", "value": {}}, "COMPAS 1"),
+        ({"dtype": "compas_assembly.datastructures/Assembly", "value": {}}, 'has no "graph"'),
+        ({"dtype": "compas_assembly.datastructures/Assembly"}, 'has no "data"'),
         ({"dtype": "compas.geometry/Box", "data": {}}, "Save one of these"),
         ({"dtype": 7, "data": {}}, "must be a text"),
         ({"dtype": "x/Assembly", "data": {"graph": {"node": {}}}}, "holds no block"),

@@ -182,7 +182,6 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
         ('<path id="flat" d="M0 0L10 0L5 0Z"/>', "'flat'.*no area"),
         ('<path id="far" d="M0 0h9v9h-9z M20 0h9v9h-9z"/>', "'far'.*separate pieces"),
         ('<path id="off" d="M0 0h9v9h-9z M8 3h4v2h-4z"/>', "'off'.*hole"),
-        ('<rect id="a" width="3" height="2"/><rect id="a" width="3" height="2"/>', "two parts have the name 'a'"),
         ('<path id="cut" d="M0 0L10 0L10"/>', "'cut'"),
         ('<path id="odd" d="drop table"/>', "'odd'.*no SVG path"),
         ('<path id="nan" d="M0 0L nan 3 L 3 3Z"/>', "'nan'"),
