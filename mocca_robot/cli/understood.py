@@ -16,6 +16,12 @@ FEW = 40
 """Up to so many parts each gets a line of its own."""
 TINY = 0.02
 """Contacts and parts below this share of the middle one are more often a slip than meant."""
+SLENDER = 1e-3
+"""Of its length, thickness of a part below which the unit may be wrong, or an outline is a part."""
+HEAVY_KG = 50_000.0
+"""Parts heavier than a mobile crane lifts."""
+HOLLOW = 1e-3
+"""Share of its bounding box that a part fills at least."""
 DENSITIES = (5.0, 23000.0)
 """kg/m³, from foam to osmium."""
 
@@ -63,6 +69,18 @@ def suspicions(graph: PartsGraph) -> list[str]:
                 f"'{part.name}' has a density of {part.density:g} kg/m³; is that meant? (water 1000, steel 7850)"
             )
     volumes = np.array([p.shape.volume for p in assembly.parts])
+    for part in assembly.parts:
+        edges = sorted(size(part))
+        if edges[0] < SLENDER * edges[-1]:
+            out.append(
+                f"'{part.name}' is {plain_length(edges[-1])} long and {plain_length(edges[0])} thin; is that meant? "
+                "Is its unit right, and is it one part?"
+            )
+        if part.mass > HEAVY_KG:
+            out.append(f"'{part.name}' weighs {plain_mass(part.mass)}; is the unit right? ('units', 'scale')")
+        if part.shape.volume < HOLLOW * float(np.prod(edges)):
+            share = part.shape.volume / float(np.prod(edges))
+            out.append(f"'{part.name}' fills {share:.1g} of its bounding box; is a surface without thickness among it?")
     for k in np.flatnonzero(volumes < TINY**assembly.dimension * np.median(volumes)):
         share = volumes[k] / np.median(volumes)
         out.append(f"'{assembly.parts[k].name}' is tiny: {share:.1g} of the middle part's volume; a leftover?")

@@ -41,6 +41,35 @@ class Model:
     bodies: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
+_SOLID = "export the parts as OBJ, one object each"
+OTHER_PROGRAMS = {
+    "skp": f"in SketchUp, make every part a solid group and {_SOLID} (File, Export, 3D Model), or as GLB",
+    "3dm": f"in Rhino, {_SOLID} (File, Export Selected, OBJ; objects by name)",
+    "gh": "in Grasshopper, bake the parts to Rhino and export them as OBJ, one object each",
+    "ghx": "in Grasshopper, bake the parts to Rhino and export them as OBJ, one object each",
+    "blend": f"in Blender, {_SOLID} (File, Export, Wavefront), or as GLB",
+    "step": f"in your CAD program (FreeCAD will do), {_SOLID}, or as 3MF",
+    "stp": f"in your CAD program (FreeCAD will do), {_SOLID}, or as 3MF",
+    "iges": f"in your CAD program (FreeCAD will do), {_SOLID}, or as 3MF",
+    "igs": f"in your CAD program (FreeCAD will do), {_SOLID}, or as 3MF",
+    "ifc": f"in BlenderBIM or FreeCAD, {_SOLID}",
+    "fcstd": "in FreeCAD, export the parts as 3MF or OBJ (File, Export)",
+    "f3d": "in Fusion, export the bodies as 3MF (File, 3D Print, or Export)",
+    "sldprt": "in SOLIDWORKS, save the assembly as 3MF",
+    "sldasm": "in SOLIDWORKS, save the assembly as 3MF",
+    "dwg": "in AutoCAD, save the drawing as DXF (R2010), or convert it with the ODA File Converter",
+    "dae": f"in Blender, import it and {_SOLID}, or as GLB",
+    "fbx": f"in Blender, import it and {_SOLID}, or as GLB",
+    "gltf": "export it as one binary file (.glb)",
+    "pdf": "in Inkscape, open the page and save it as SVG",
+    "ai": "in Illustrator, save a copy as SVG",
+    "eps": "in Inkscape, open it and save it as SVG",
+    "png": "draw its outlines as paths (in Inkscape: Path, Trace Bitmap) and save them as SVG",
+    "jpg": "draw its outlines as paths (in Inkscape: Path, Trace Bitmap) and save them as SVG",
+}
+"""Formats that are not read → what to export in the program that they come from."""
+
+
 def read_model(path: Path, units: str | None, scale: float | None, rigid: Collection[str] = ()) -> Model:
     """Return the parts in a drawing, an assembly or design file, a mesh file or a folder of meshes.
 
@@ -62,6 +91,8 @@ def read_model(path: Path, units: str | None, scale: float | None, rigid: Collec
         return _from_json(path, units, scale)
     if suffix in MODEL_FILES:
         return _from_meshes(path, units, scale, meant, rigid)
+    if suffix in OTHER_PROGRAMS:
+        raise InputError(f"'{path}' is not read here: {OTHER_PROGRAMS[suffix]}.")
     known = ", ".join(f".{m}" for m in MODEL_FILES)
     raise InputError(f"'{path}' ends in '.{suffix}', which is no model; use one of {known}, or a folder of meshes.")
 

@@ -12,11 +12,13 @@ import pytest
 from solids import box, rotation
 
 from mocca_robot.assembly import Assembly, Mesh, Part
+from mocca_robot.cli.understood import suspicions
 from mocca_robot.config.config import load
 from mocca_robot.errors import InputError
 from mocca_robot.files.mesh_write import write_glb, write_part
 from mocca_robot.files.meshes import METRES_PER, read_parts
 from mocca_robot.files.threemf import UNITS
+from mocca_robot.motion.parts_graph import PartsGraph
 
 SEEDS = range(20)
 PLATE, BRICK = box((0, 0, 0), (0.1, 0.1, 0.01)), box((0.01, 0.01, 0.01), (0.05, 0.03, 0.03))
@@ -152,3 +154,21 @@ def test_up_is_refused_where_it_makes_no_sense(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text("model: a.glb\nup: y\nfixed: [plate]\n")
     with pytest.raises(InputError, match="GLB files have y up by definition"):
         load(tmp_path / "a.yaml")
+
+
+@pytest.mark.parametrize("suffix", ["skp", "3dm", "gh", "blend", "step", "dwg", "fbx", "gltf", "pdf", "ai", "png"])
+def test_formats_that_are_not_read_say_what_to_export(tmp_path: Path, suffix: str) -> None:
+    (tmp_path / f"a.{suffix}").write_bytes(b"whatever")
+    with pytest.raises(InputError, match=r"is not read here: .*(OBJ|GLB|glb|SVG|DXF|3MF)"):
+        load(tmp_path / f"a.{suffix}")
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [((150.0, 0.02, 0.1), "150 m long and 20 mm thin"), ((6.0, 4.0, 4.4), "weighs 127 t"), ((0.1, 0.1, 0.1), "")],
+)
+def test_sizes_that_are_more_often_a_slip_are_told(size: tuple[float, float, float], said: str) -> None:
+    ground = box((0, 0, -size[2]), (size[0], size[1], 0))
+    parts = Part("ground", ground, fixed=True), Part("slab", box((0, 0, 0), size))
+    told = [s for s in suspicions(PartsGraph.of(Assembly("a", parts))) if "'slab'" in s]
+    assert any(said in s for s in told) if said else told == []
