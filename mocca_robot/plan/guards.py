@@ -28,7 +28,8 @@ SEATED_SHARE = 0.25
 all of it would push a light structure apart that stands by its shape alone."""
 SEATING_M, SEATING_PACE = 0.002, 0.3
 """Over the last 2 mm a part is pushed at this share of the speed: the arm's momentum is what hits the structure."""
-GRACE_S = 2.0
+GRACE_S, SLOWEST_SHARE = 2.0, 0.01
+"""Within which an arm has settled where its path ends."""
 STALL_S = 1.0
 RESISTS = 0.7
 """Of the push force: an arm in force mode presses on a jam with no more than it was told to."""
@@ -146,24 +147,26 @@ def arrived(state: ArmState, goal: Waypoint, limits: MotionLimits) -> bool:
     )
 
 
-class Deadline:
-    """Time for a motion of `seconds` at full speed, and a grace after it; it passes as fast as the arm may move."""
+class Arrival:
+    """Whether an arm gets where its path ends; there is no deadline before, a path takes as long as its clock does."""
 
-    def __init__(self, seconds: float, now: float) -> None:
-        self.seconds = seconds
-        self._left, self._grace, self._now = 1.1 * seconds, GRACE_S, now
+    def __init__(self) -> None:
+        self._since_s: float | None = None
 
-    def check(self, state: ArmState, now: float, going: float = 1.0) -> None:
-        """Stop with TIMED_OUT once the time is over; to be called in every cycle. `going` is 0 during a pause."""
-        passed, self._now = (now - self._now) * going, now
-        if self._left > 0.0:
-            self._left -= passed * state.speed_scaling
-            return
-        self._grace -= passed
-        if self._grace <= 0.0:
-            slow = f" at {state.speed_scaling:.0%} speed" if state.speed_scaling < 1.0 else ""
-            detail = f"not there after 1.1 × {self.seconds:.1f} s{slow} + {GRACE_S:g} s"
+    def check(self, state: ArmState, now: float, goal: Waypoint, limits: MotionLimits) -> bool:
+        """Return whether the arm stands at `goal`; to be asked in every cycle after the path is over.
+
+        Stopped with TIMED_OUT when it does not within two seconds, longer where the slider slows it down.
+        """
+        if arrived(state, goal, limits):
+            return True
+        self._since_s = now if self._since_s is None else self._since_s
+        patience = GRACE_S / max(state.speed_scaling, SLOWEST_SHARE)
+        if now - self._since_s > patience:
+            gap, far = float(np.abs(np.subtract(state.q, goal.q)).max()), distance_m(state.tcp, goal.tcp)
+            detail = f"not there {patience:.0f} s after the path's end: {gap:.4f} rad and {1e3 * far:.1f} mm away"
             raise Stopped(ExecutionStatus.TIMED_OUT, detail, state)
+        return False
 
 
 class PushGuard:

@@ -18,11 +18,10 @@ from mocca_robot.plan.arm import Arm
 from mocca_robot.plan.gripper import Grip
 from mocca_robot.plan.guards import (
     SEATING_PACE,
-    Deadline,
+    Arrival,
     ForceGuard,
     ObeyGuard,
     PushGuard,
-    arrived,
     check_path,
     check_start,
     needed_contact_n,
@@ -142,7 +141,7 @@ class Motions:
             state = self.arm.watch()
             check_start(state, path[0], self.limits)
             way = _Way(path, state, self._lead_in_s(state, path[0]), self.speed)
-            deadline = Deadline(way.last_s / self.speed, self.arm.now())
+            arrival = Arrival()
             trail: deque[Array] = deque(maxlen=TRAIL)
             forces = ForceGuard(self._bias, self.limits, force_limit_n, contact_force_n)
             obeys = ObeyGuard()
@@ -154,9 +153,8 @@ class Motions:
                 forces.check(state)
                 obeys.check(state, way.goal)
                 check_path(state, trail, self.limits)
-                if way.over and arrived(state, path[-1], self.limits):
+                if way.over and arrival.check(state, self.arm.now(), path[-1], self.limits):
                     break
-                deadline.check(state, self.arm.now(), way.going)
             self.arm.end_servo()
             return MotionOutcome(ExecutionStatus.SUCCEEDED, "", self.arm.watch(), waypoint=len(path) - 1)
 
@@ -230,10 +228,7 @@ class Motions:
 
 
 class _Way:
-    """A path with its clock: `goal` (6,) is what to command now, `place` (3,) where the planned tool is.
-
-    `going` is the share of its speed at which the clock runs: 0 while paused.
-    """
+    """A path with its clock: `goal` (6,) is what to command now, `place` (3,) where the planned tool is."""
 
     def __init__(self, path: Sequence[Waypoint], state: ArmState, lead_in_s: float, speed: float) -> None:
         self._times = np.array([w.t - path[0].t for w in path])
@@ -243,7 +238,7 @@ class _Way:
         self._lead_in_s = lead_in_s
         self._speed = speed
         self._clock, self._arm_time, self._pace = 0.0, state.time_s, USUAL_CYCLE_S
-        self.going = 1.0
+        self._going = 1.0
         self.last_s = max(float(self._times[-1]), lead_in_s)
         self.goal, self.place = self._joints[0], self._places[0]
 
@@ -259,8 +254,8 @@ class _Way:
         self._pace += 0.1 * (min(elapsed, LONGEST_CYCLE_S) - self._pace)
         elapsed, self._arm_time = min(elapsed, HURRY * self._pace), state.time_s
         ramp, target = elapsed / PAUSE_S, 0.0 if paused else 1.0
-        self.going = target if self._clock == 0.0 else self.going + min(max(target - self.going, -ramp), ramp)
-        self._clock = min(self._clock + elapsed * state.speed_scaling * self._speed * self.going, self.last_s)
+        self._going = target if self._clock == 0.0 else self._going + min(max(target - self._going, -ramp), ramp)
+        self._clock = min(self._clock + elapsed * state.speed_scaling * self._speed * self._going, self.last_s)
         fade = max(0.0, 1.0 - self._clock / self._lead_in_s)
         self.goal = _interpolate(self._times, self._joints, self._clock) + self._offset * (
             fade * fade * (3.0 - 2.0 * fade)

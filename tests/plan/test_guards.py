@@ -14,7 +14,7 @@ from mocca_robot.plan.guards import (
     BEYOND_M,
     LATERAL_M,
     SEATING_PACE,
-    Deadline,
+    Arrival,
     ForceGuard,
     PushGuard,
     check_path,
@@ -91,14 +91,16 @@ def test_what_is_slow_and_how_long_it_may_be_scale_with_the_speed(share: float, 
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
-def test_a_deadline_waits_as_much_longer_as_the_arm_is_slower(share: float) -> None:
-    deadline, now, slow = Deadline(10.0, 0.0), 0.0, replace(REST, speed_scaling=share)
-    with pytest.raises(Stopped) as stop:
+def test_an_arm_has_as_much_longer_to_settle_as_it_is_slower(share: float) -> None:
+    arrival, now, away = Arrival(), 5.0, replace(REST, q=(0.02, 0, 0, 0, 0, 0), speed_scaling=share)
+    goal = Waypoint(0.0, REST.q, REST.tcp)
+    assert Arrival().check(REST, now, goal, LIMITS)
+    with pytest.raises(Stopped, match=r"0\.0200 rad and 0\.0 mm away") as stop:
         while now < 1000.0:
             now += 0.02
-            deadline.check(slow, now)
+            assert not arrival.check(away, now, goal, LIMITS)
     assert stop.value.status is ExecutionStatus.TIMED_OUT
-    assert now == pytest.approx(11.0 / share + 2.0, abs=0.1)
+    assert now == pytest.approx(5.0 + 2.0 / share, abs=0.1)
 
 
 def test_standing_still_for_a_second_is_a_jam_at_any_force() -> None:

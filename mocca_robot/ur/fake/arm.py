@@ -15,6 +15,8 @@ from mocca_robot.plan.wiring import VacuumWiring
 from mocca_robot.ur.fake.world import Fault, Trigger, World
 
 SERVO_LAG_S = 0.04
+ZERO_S = 0.1
+"""Over which the controller averages when it zeroes its sensor."""
 LEVER_M = 0.05
 """Noise of the sensor's torques for that of its forces."""
 DRIFT = np.array([0.6, 0.0, 0.8, 0.0, 0.0, 0.0])
@@ -83,6 +85,7 @@ class FakeArm:
     noise_n: float = 0.0
     drift_n_min: float = 0.0
     _shown: Array = field(default_factory=lambda: np.zeros(6))
+    _quiet: Array = field(default_factory=lambda: np.zeros(6))
     _random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
     _zero: Array = field(default_factory=lambda: np.zeros(6))
     _raw: Array = field(default_factory=lambda: np.zeros(6))
@@ -223,7 +226,7 @@ class FakeArm:
         elif command in (7, 15, 16, 33, 34):
             self.mode, self._busy = "idle", bool(self.qd.any())
         elif command == 8:
-            self._zero = self._raw + self._shown
+            self._zero = self._raw + self._quiet
         elif command == 17 and Fault.PAYLOAD_IGNORED not in self.world.active:
             self.payload_kg, self.payload_cog = float(values[0]), values[1:4]
         elif command == 29 and Fault.TCP_IGNORED not in self.world.active:
@@ -278,6 +281,7 @@ class FakeArm:
         fingers = None if self.wiring is not None else self.gripper_m
         self._shown = np.concatenate([self._random.normal(0.0, 1.0, 3), self._random.normal(0.0, LEVER_M, 3)])
         self._shown = self.noise_n * self._shown + self.drift_n_min * self.time_s / 60.0 * DRIFT
+        self._quiet = self._quiet + (self._shown - self._quiet) * min(1.0, dt / ZERO_S)
         self._raw = self.world.force(self.tcp[:3, 3], velocity, push, float(self._wrench[2]), fingers)
 
     def _velocity(self, dt: float) -> Array:
