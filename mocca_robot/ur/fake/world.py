@@ -96,6 +96,12 @@ class SeatStop:
     axis: Array
     depth_m: float
 
+    def distance(self, position: Array) -> float:
+        """Return how far a point is from the line, which ends at the start and at the stop."""
+        offset = position - self.start
+        along = min(max(float(offset @ self.axis), 0.0), self.depth_m)
+        return float(np.linalg.norm(offset - along * self.axis))
+
     def guide(self, offset: Array) -> Array:
         """Return the force (3,) with which the joint's walls lead a part inwards that is `offset` from the start."""
         along = float(offset @ self.axis)
@@ -171,16 +177,14 @@ class World:
                 out[:3] -= part.tool_axis * (EARLY_STIFFNESS_N_M * deep)
         speed = float(np.linalg.norm(velocity))
         if push is not None:
-            for seat in self.seats[:]:
+            if (seat := self._seat_at(position, push)) is not None:
                 offset = position - seat.start
                 along = float(offset @ seat.axis)
-                if np.linalg.norm(offset - along * seat.axis) < LINE_RADIUS_M and float(seat.axis @ push) > 0.99:
-                    beyond = along - seat.depth_m - SEAT_PLAY_M
-                    out[:3] -= seat.axis * (SEAT_STIFFNESS_N_M * max(beyond, 0.0))
-                    if along > 0 and speed > 1e-4:
-                        out[:3] -= seat.axis * SLIDING_N
-                    out[:3] += seat.guide(offset)
-                    break
+                beyond = along - seat.depth_m - SEAT_PLAY_M
+                out[:3] -= seat.axis * (SEAT_STIFFNESS_N_M * max(beyond, 0.0))
+                if along > 0 and speed > 1e-4:
+                    out[:3] -= seat.axis * SLIDING_N
+                out[:3] += seat.guide(offset)
             if self.jammed:
                 out[:3] -= push * push_n
         if Fault.CONTACT in self.active:
@@ -192,6 +196,13 @@ class World:
         if Fault.FORCE in self.active:
             out[:3] += np.array([0.0, 30.0, 0.0])
         return out
+
+    def _seat_at(self, position: Array, push: Array) -> SeatStop | None:
+        """Return the seat that is pushed towards: the nearest line, and of those the one most in this direction."""
+        towards = [s for s in self.seats if float(s.axis @ push) > 0.99]
+        near = [(round(s.distance(position), 4), -float(s.axis @ push)) for s in towards]
+        nearest = min(zip(near, towards, strict=True), key=lambda pair: pair[0], default=(None, None))[1]
+        return nearest if nearest is not None and nearest.distance(position) < LINE_RADIUS_M else None
 
     @property
     def jammed(self) -> bool:
