@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import trimesh
+from trimesh import triangles
 
 from mocca_robot.actions import (
     Action,
@@ -27,6 +27,7 @@ from mocca_robot.arrays import Array, read_only
 from mocca_robot.assembly import STANDARD_GRAVITY, Assembly, Mesh, Part
 from mocca_robot.errors import InputError, nearest
 from mocca_robot.files import fields
+from mocca_robot.files.nesting import inside
 from mocca_robot.geometry.polygons import to_shapely
 
 FORCE = {"N": 1.0, "kN": 1e3, "MN": 1e6, "kgf": STANDARD_GRAVITY, "lbf": 4.4482216152605}
@@ -164,8 +165,7 @@ def _inside(value: object, part: Part, unit_m: float, where: str) -> Array:
     point = fields.vector(value, where, (part.shape.dimension,)) * unit_m
     size = float(np.linalg.norm(part.shape.bounds[1] - part.shape.bounds[0]))
     if isinstance(part.shape, Mesh):
-        mesh = trimesh.Trimesh(part.shape.vertices, part.shape.faces, process=False)
-        outside = max(-float(trimesh.proximity.signed_distance(mesh, point[None])[0]), 0.0)
+        outside = 0.0 if inside(part.shape, point) else _from_surface(part.shape, point)
     else:
         import shapely
 
@@ -176,6 +176,12 @@ def _inside(value: object, part: Part, unit_m: float, where: str) -> Array:
             "it out for the centre of mass."
         )
     return read_only(point)
+
+
+def _from_surface(mesh: Mesh, point: Array) -> float:
+    """Return how far a point (3,) is from the nearest face. The search trees of trimesh would need rtree."""
+    nearest_points = triangles.closest_point(mesh.vertices[mesh.faces], np.tile(point, (len(mesh.faces), 1)))
+    return float(np.linalg.norm(nearest_points - point, axis=1).min())
 
 
 def actions_to_data(actions: Sequence[Action]) -> list[dict[str, Any]]:

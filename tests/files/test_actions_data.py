@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocca_robot.assembly import Part, Polygon
+from mocca_robot.assembly import Mesh, Part, Polygon
 from mocca_robot.errors import InputError
 from mocca_robot.files.actions_data import actions_from_data, actions_to_data, combinations_from_data, quantity
 
@@ -62,6 +62,21 @@ def test_a_load_that_cannot_be_used_is_named(change: dict[str, Any], words: str)
     with pytest.raises(InputError) as refused:
         actions_from_data([EVERY_KIND[0] | change], PARTS, 1e-3, "roof.yaml: loads")
     assert words in str(refused.value) and "roof.yaml: load" in str(refused.value)
+
+
+@given(st.tuples(*[st.floats(-1.5, 1.5)] * 3))
+def test_a_place_on_a_solid_is_in_or_on_it(at: tuple[float, float, float]) -> None:
+    vertices = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+    quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    cube = Part("cube", Mesh(vertices, np.array([t for a, b, c, d in quads for t in ([a, b, c], [a, c, d])])))
+    load = {"name": "lamp", "kind": "mass", "part": "cube", "mass": "1 kg", "at": list(at)}
+    away = float(np.linalg.norm(np.maximum(np.abs(at) - 1.0, 0.0)))
+    if away <= 1e-7:
+        assert actions_from_data([load], (cube,), 1.0, "loads")[0].at.tolist() == list(at)  # type: ignore[union-attr]
+    elif away > 1e-5:
+        with pytest.raises(InputError) as refused:
+            actions_from_data([load], (cube,), 1.0, "loads")
+        assert f"is {away:.4g} away from part 'cube'" in str(refused.value)
 
 
 def test_names_are_unique_and_needed() -> None:
