@@ -42,7 +42,7 @@ class LoadFactor:
         name: the load, or the combination, whose loads grow together.
         factor: λ, the largest multiple of the load that stands; 0 when it falls without it, inf when any amount
             stands; None when the solver gave no verdict.
-        bound: with friction, the factor up to which some forces would hold, which nothing need bring about; else λ.
+        bound: with friction, a factor beyond which no forces hold it; below it nothing need bring them about. Else λ.
         motions: (N, dof) how it falls just beyond; zero when nothing falls.
         moving: names of the parts that move then.
         steps: problems solved.
@@ -117,7 +117,8 @@ def load_factor(graph: PartsGraph, name: str, steady: LoadCase, growing: LoadCas
         pairs, points, normals = contact_rays(graph.contacts)
         return solve_rays(graph, case, (pairs[there], points[there], normals[there]), friction)
 
-    angle, steps, last = critical(solve, lambda v: (power(ends[0], v, about), power(ends[1], v, about)))
+    border = np.inf if friction > 0.0 else AT_THE_BORDER  # with friction a bound is enough, and every angle is one
+    angle, steps, last = critical(solve, lambda v: (power(ends[0], v, about), power(ends[1], v, about)), border)
     motions = np.zeros((len(assembly.parts), assembly.dof)) if last is None else last.motions
     bound = None if angle is None else np.inf if angle >= np.pi / 2 else float(np.tan(angle))
     factor = bound
@@ -145,17 +146,20 @@ def _shares(along: float, bound: float, scale: float) -> tuple[float, float]:
 
 
 def critical(
-    solve: Callable[[float], EquilibriumResult], powers: Callable[[Array], tuple[float, float]]
+    solve: Callable[[float], EquilibriumResult],
+    powers: Callable[[Array], tuple[float, float]],
+    border: float = AT_THE_BORDER,
 ) -> tuple[float | None, int, EquilibriumResult | None]:
     """Return the largest θ in [0, π/2] at which cos θ·w₀ + sin θ·w₁ is in equilibrium, the number of problems solved,
     and how it falls just beyond; θ is None when a solver gave no verdict.
 
-    `powers` returns the powers of w₀ and w₁ in motions (N, dof).
+    `powers` returns the powers of w₀ and w₁ in motions (N, dof). `border`: the E / |w|² up to which 'inaccurate' counts
+    as about to fall; up to ∞, θ is only a bound: nothing stands beyond it.
     """
     angle, falls = np.pi / 2, None
     for step in range(1, MAX_STEPS + 1):
         result = solve(angle)
-        if result.stands or (result.status is Status.INACCURATE and result.infeasibility <= AT_THE_BORDER):
+        if result.stands or (result.status is Status.INACCURATE and result.infeasibility <= border):
             return angle, step, falls
         if result.status is Status.INACCURATE:
             return None, step, falls

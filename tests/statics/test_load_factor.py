@@ -174,6 +174,24 @@ def test_what_stands_in_front_shelters_from_the_wind() -> None:
     assert against[2] == pytest.approx([-30.0, 0.0, 45.0])
 
 
+@pytest.mark.parametrize("towards", [0.0, 30.0, 45.0, 90.0])
+@pytest.mark.parametrize("mu", [0.2, 0.5])
+def test_solids_with_friction_take_what_they_slide_or_tip_at(towards: float, mu: float) -> None:
+    """A table on two legs, with a block on it: the top carries a weight at its end, and everything slides at μ g."""
+    table = (
+        Part("left", box((0.0, 0.0, 0.0), (0.2, 0.4, 0.8)), fixed=True),
+        Part("right", box((1.8, 0.0, 0.0), (2.0, 0.4, 0.8)), fixed=True),
+        Part("top", box((-0.4, 0.0, 0.8), (2.4, 0.4, 0.9)), density=1000.0),
+        Part("block", box((0.8, 0.1, 0.9), (1.2, 0.3, 1.1)), density=1000.0),
+    )
+    way = np.array([np.cos(np.radians(towards)), np.sin(np.radians(towards)), 0.0])
+    quake = BodyAcceleration(name="quake", acceleration=way)
+    end = AddedMass(name="end", part="top", mass_kg=100.0, at=np.array([2.4, 0.2, 0.9]))
+    found = factors(carrying(table, quake, end), friction=mu)
+    assert found["quake"] == pytest.approx(mu * G, rel=2e-3)
+    assert found["end"] == pytest.approx((112.0 + 16.0) * 1.0 / (100.0 * 0.4), rel=2e-3)
+
+
 @pytest.mark.parametrize("pressure", [Wind, Pressure])
 def test_solids_carry_what_the_same_flat_parts_do(pressure: type[Wind] | type[Pressure]) -> None:
     solid = Assembly(
