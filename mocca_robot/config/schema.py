@@ -12,7 +12,7 @@ from mocca_robot.fabrication.options import CutOptions
 from mocca_robot.files import fields as checks
 from mocca_robot.joints.options import JointOptions
 
-JOINT_KINDS = ("n", "z")
+JOINT_KINDS = ("n", "z", "frustum")
 GENERATORS = ("shell", "frame", "stack", "wall", "arch", "dome")
 MODEL_FILES = ("svg", "dxf", "json", "obj", "stl", "ply", "3mf", "glb")
 
@@ -171,7 +171,8 @@ KEYS: tuple[Key, ...] = (
         "choices",
         list(_J.kinds),
         "",
-        "Families of joints that the designer may use; solids know only one bump per contact (n).",
+        "Families of joints that the designer may use: one curved bump (n); flat parts also a bump and a dent (z), "
+        "solid ones also a block with straight flanks (frustum), which holds more and is tried where bumps fail.",
         known=JOINT_KINDS,
     ),
     Key(

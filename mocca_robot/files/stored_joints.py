@@ -13,6 +13,7 @@ from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import InputError, nearest
 from mocca_robot.files.design_json import StoredDesign, StoredJoint
 from mocca_robot.joints.bicubic import bicubic_joint, rectangle_from
+from mocca_robot.joints.frustum import frustum_joint
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.spline import SplineKind, polyline_joint, spline_points
 from mocca_robot.joints.tenon import tenon_joint, tenon_joint_2d
@@ -20,7 +21,7 @@ from mocca_robot.tolerances import TOLERANCES
 
 KINDS = {
     2: ("planar", "n", "z", "piecewise_n", "piecewise_z", "tenon"),
-    3: ("planar", "bicubic", "bicubic_z", "piecewise", "piecewise_z", "tenon"),
+    3: ("planar", "bicubic", "bicubic_z", "piecewise", "piecewise_z", "frustum", "tenon"),
 }
 
 
@@ -85,6 +86,8 @@ def _solid(stored: StoredJoint, contact: Contact) -> Joint:
         raise ValueError(f"its rectangle has sides of {rectangle.l1:g} m and {rectangle.l2:g} m")
     if stored.kind == "tenon":
         return tenon_joint(contact, rectangle, numbers["height_m"], stored.direction, numbers["draft_rad"])
+    if stored.kind == "frustum":
+        return frustum_joint(contact, rectangle, numbers["height_m"], stored.direction, numbers["flank"])
     segments = int(numbers["flank_segments"])
     if not 1 <= segments <= 100:
         raise ValueError(f"{segments} pieces per flank")

@@ -30,7 +30,7 @@ from mocca_robot.joints.bumps import (
 )
 from mocca_robot.joints.joint import Joint
 from mocca_robot.joints.patch import joint_with_patch
-from mocca_robot.joints.rectangle import Rectangle, largest_rectangle
+from mocca_robot.joints.rectangle import Rectangle, largest_rectangle, rectangle_parameters
 
 
 def bicubic_joint(
@@ -59,14 +59,6 @@ def bicubic_joint(
         bumps.pattern.rim,
         rectangle_parameters(rectangle) | {"height_m": float(h), "flank_segments": float(resolution)},
     )
-
-
-def rectangle_parameters(rectangle: Rectangle) -> dict[str, float]:
-    """Return a rectangle as named numbers, for a joint's parameters."""
-    values = {"l1_m": rectangle.l1, "l2_m": rectangle.l2}
-    for name, vector in (("origin", rectangle.origin), ("axis_x", rectangle.axis_x), ("axis_y", rectangle.axis_y)):
-        values |= {f"{name}_{k}": float(value) for k, value in zip("xyz", vector)}
-    return values
 
 
 def rectangle_of(joint: Joint) -> Rectangle:

@@ -38,13 +38,15 @@ def height_limits(
     u: Array,
     margin: Array | float,
     lean: float = 0.0,
+    flank: float = 1 / 3,
 ) -> tuple[Array, Array]:
     """Return the lowest and highest bump (E,), (E,), metres along u, h_min ≤ 0 ≤ h_max.
 
     `contacts` and `rectangles` are those of all E joints that may become curved, `u` (E, 3) their principal
     directions. The limits hold for every direction u' with |u' − u| ≤ `lean`, so that one call serves an
     optimiser that leans u. A rectangle closer to a face or to another rectangle than 2·`margin` is asked to keep
-    half of that distance. Conservative between the samples only as far as the margin goes.
+    half of that distance. `flank` is the width of the bumps' flanks, as a share of the rectangle's sides; bumps with
+    wider ones have at least as much room. Conservative between the samples only as far as the margin goes.
     """
     count = len(contacts)
     if count == 0:
@@ -64,7 +66,7 @@ def height_limits(
     while start < len(order):
         some = order[start : start + max(1, CHUNK // (len(_SAMPLES) * int(load[order[start]])))]
         obstacles = _Facing.of([faces[r] for r in some], [neighbours[r] for r in some], rectangles)
-        room[some] = _room(obstacles, rectangles, joint[some], travel[some], margins[joint[some]], lean)
+        room[some] = _room(obstacles, rectangles, joint[some], travel[some], margins[joint[some]], lean, flank)
         start += len(some)
     room = np.minimum(room, assembly.size)
     return -room[:count], room[count:]
@@ -167,14 +169,16 @@ def _to_rectangle(local: Array, sides: Array) -> Array:
 
 
 def _room(
-    obstacles: _Facing, rectangles: Rectangles, own: IntArray, travel: Array, margin: Array, lean: float
+    obstacles: _Facing, rectangles: Rectangles, own: IntArray, travel: Array, margin: Array, lean: float, flank: float
 ) -> Array:
     """Return (n,) how high the bumps of joints `own` may rise along `travel` (n, 3).
 
     Marches every sample by what its distances guarantee: distances change by at most 1 per metre, differences of
     two distances by at most 2, and a lean of the direction shifts a point at height t by t·lean.
     """
-    xy = _AT[_SAMPLES]
+    stretch = 3.0 * flank  # the samples are those of flanks a third wide
+    at = np.select([_AT < 0.5, _AT > 0.5], [_AT * stretch, 1.0 - (1.0 - _AT) * stretch], 0.5)
+    xy = at[_SAMPLES]
     share = _SHARE[_SAMPLES].prod(axis=1)
     centre = rectangles.origin[own]
     base = xy[:, :1] * rectangles.edge_x[own][:, None] + xy[:, 1:] * rectangles.edge_y[own][:, None]

@@ -12,14 +12,16 @@ class JointOptions:
     """Bounds and robustness of cone joints. Lengths in metres, angles in radians.
 
     Attributes:
-        kinds: families the designer may use; ('n',) forbids z-type joints. Solids know n-type only.
+        kinds: families the designer may use. Flat parts know n- and z-type joints, solid ones n-type joints and frusta;
+            n-type ones are always allowed. No frusta with a smallest radius: their edges are sharp.
         max_slope_rad: steepest angle between a joint's normal and the contact's; 70° keeps points blunt.
         min_radius: smallest radius of curvature; set it to the cutting tool's radius. 0 = no bound.
         margin: distance a joint keeps to the part's boundary and to other joints, as a share of its contact's
             length (2D) or of the rectangle's shorter side (3D).
         min_distance: the same as an absolute lower bound.
         min_contact: contacts with a smaller length (2D) or square root of area (3D) stay planar.
-        max_height: largest bump height as a share of the contact's length (2D) or shorter side (3D).
+        max_height: largest bump height as a share of the contact's length (2D) or shorter side (3D); frusta, see
+            `tallest_frustum`.
         piecewise_planar: flat flanks instead of curved ones, for saws and wires; `min_radius` does not apply.
         tilt_margin_rad: extra tilt, in every azimuth, that the design aims to survive in each required state.
         inset: share by which contacts are narrowed and joints flattened while designing, so that the built
@@ -27,7 +29,7 @@ class JointOptions:
         alpha_margin_rad: insertion cone asked for beyond α while designing.
     """
 
-    kinds: tuple[str, ...] = ("n", "z")
+    kinds: tuple[str, ...] = ("n", "z", "frustum")
     max_slope_rad: float = float(np.deg2rad(70.0))
     min_radius: float = 0.0
     margin: float = 0.06
@@ -38,3 +40,17 @@ class JointOptions:
     tilt_margin_rad: float = float(np.deg2rad(1.0))
     inset: float = 0.02
     alpha_margin_rad: float = float(np.deg2rad(0.5))
+
+    @property
+    def frusta(self) -> bool:
+        """Return whether solid joints may be frusta."""
+        return "frustum" in self.kinds and self.min_radius <= 0.0
+
+    @property
+    def tallest_frustum(self) -> float:
+        """Return the largest height of a frustum as a share of its shorter side.
+
+        A curved bump is half as steep again in the middle of its flanks as they are on average. A frustum as steep
+        as it, on flanks as wide, is half as high again.
+        """
+        return 1.5 * self.max_height

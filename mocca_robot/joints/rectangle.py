@@ -59,6 +59,14 @@ class Rectangle:
         return Rectangle(read_only(origin), self.axis_x, self.axis_y, l1, l2)
 
 
+def rectangle_parameters(rectangle: Rectangle) -> dict[str, float]:
+    """Return a rectangle as named numbers, for a joint's parameters."""
+    values = {"l1_m": rectangle.l1, "l2_m": rectangle.l2}
+    for name, vector in (("origin", rectangle.origin), ("axis_x", rectangle.axis_x), ("axis_y", rectangle.axis_y)):
+        values |= {f"{name}_{k}": float(value) for k, value in zip("xyz", vector)}
+    return values
+
+
 def largest_rectangle(contact: Contact, margin: float = 0.0) -> Rectangle | None:
     """Return a rectangle of nearly the largest area inside `contact`, at least `margin` (m) from its boundary.
 

@@ -23,7 +23,7 @@ from planners.cone_joints.realization import Polished, Polishing
 from planners.cone_joints.search import SearchState, Stage
 from planners.cone_joints.unknowns import JointParameters
 
-METHOD = 1
+METHOD = 2
 """Raise it when designing takes another course: states kept from before are not gone on with then."""
 SAVE_EVERY = 5.0
 """Seconds between two saves; a design that takes less leaves no file."""

@@ -80,11 +80,12 @@ def bound(
     flat, contacts = graph.assembly.dimension == 2, graph.contacts
     widen = 1.0 if flat else 1.0 / np.cos(np.pi / 8)
     slope = float(np.arctan(np.tan(options.max_slope_rad) * widen))
+    highest = options.tallest_frustum if options.frusta and not flat else options.max_height
     for contact, curves in zip(contacts, can_curve):
         corners = contact.polygon
         directions = contact.normal[None]
         if curves:
-            depth = options.max_height * contact.measure ** (1.0 if flat else 0.5)
+            depth = highest * contact.measure ** (1.0 if flat else 0.5)
             corners = np.concatenate([corners + s * depth * contact.normal for s in (-1.0, 1.0)])
             directions = np.concatenate([directions, fan(contact.normal[None], [slope])[0]])
         points.append(np.repeat(corners, len(directions), axis=0))

@@ -35,6 +35,7 @@ class Attempt(StrEnum):
     SELECTED = "selected joints"
     UNIFORM_N = "uniform n"
     UNIFORM_Z = "uniform z"
+    UNIFORM_FRUSTUM = "uniform frustum"
     ALL = "all joints"
 
     @property

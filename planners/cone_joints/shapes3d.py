@@ -1,7 +1,8 @@
-"""Solid joints as numbers: all bicubic joints of an assembly evaluated at once, for the optimiser.
+"""Solid joints as numbers: all bicubic joints and frusta of an assembly evaluated at once, for the optimiser.
 
-Two numbers per joint: its height as a share of the shorter side of the rectangle it stands on, and the share of
-that rectangle's sides that it covers (a smaller bump of the same height is steeper). Two leans per pair.
+Two numbers per joint. The first is its height as a share of the shorter side of the rectangle it stands on. The second
+is the share of that rectangle's sides that a bicubic bump covers (a smaller one of the same height is steeper), or that
+the top of a frustum does, which covers the whole rectangle. Two leans per pair.
 """
 
 from __future__ import annotations
@@ -27,12 +28,17 @@ from mocca_robot.joints.bicubic import (
     largest_rectangle,
 )
 from mocca_robot.joints.clearance import height_limits
+from mocca_robot.joints.frustum import LEAST_FLANK, WIDEST_FLANK, frustum_joint, ramp, with_flanks
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from planners.cone_joints.kinematic import fan
 
 SMALLEST = 0.4
 """Smallest bump, as a share of its rectangle's sides."""
+SMALLEST_TOP, LARGEST_TOP = 1.0 - 2.0 * WIDEST_FLANK, 1.0 - 2.0 * LEAST_FLANK
+"""The top of a frustum, as a share of its rectangle's sides."""
+FIRST_TOP = 0.35
+"""Of a frustum that a search starts from."""
 TOWARDS_EXIT = float(np.deg2rad(35.0))
 """Largest angle between a pair's reference direction and its contact's normal."""
 NEAR_EXIT = float(np.deg2rad(40.0))
@@ -52,7 +58,9 @@ class Shapes3D:
         pair_normal: (Q, 3) unit reference direction of each pair; u leans from it.
         rectangles: where the bumps stand; a stand-in on contacts without room for one.
         can_curve: (E,) which contacts have such a rectangle.
-        reach: (E, 2) lowest and highest bump, m, that stays clear of boundaries and other joints.
+        kinds: family of each joint.
+        room: how much of it bumps have.
+        limits: (E, 2) lowest and highest bump, m, that is wanted besides; infinite where nothing is.
         corners: (E, P, 3) corners of the contacts, padded by repeating the last one.
     """
 
@@ -63,7 +71,9 @@ class Shapes3D:
     rectangles: Rectangles
     single: tuple[Rectangle | None, ...]
     can_curve: BoolArray
-    reach: Array
+    kinds: tuple[str, ...]
+    room: BumpRoom
+    limits: Array
     corners: Array
     options: JointOptions
 
@@ -94,15 +104,6 @@ class Shapes3D:
         upright = np.array([float(c.normal @ normals[q]) > 0.4 for c, q in zip(contacts, pair)])
         can_curve = np.array([r is not None for r in single]) & upright
         rectangles = Rectangles.of([r if r is not None else _stand_in(c) for r, c in zip(single, contacts)])
-        reach = np.zeros((len(contacts), 2))
-        some = np.flatnonzero(can_curve)
-        if len(some):
-            chosen = [contacts[int(e)] for e in some]
-            stacked = Rectangles.of([r for e in some if (r := single[e]) is not None])
-            shorter = np.linalg.norm(stacked.edge_y, axis=1)
-            margin = np.maximum(options.margin * shorter, options.min_distance)
-            low, high = height_limits(assembly, chosen, stacked, normals[pair[some]], margin, LEAN_IN_REACH)
-            reach[some] = np.stack([low, high], axis=1)
         most = max(len(c.polygon) for c in contacts)
         corners = np.array([c.polygon[np.minimum(np.arange(most), len(c.polygon) - 1)] for c in contacts])
         return cls(
@@ -113,7 +114,9 @@ class Shapes3D:
             rectangles=rectangles,
             single=single,
             can_curve=read_only(can_curve, np.bool_),
-            reach=read_only(reach),
+            kinds=(cls.rest_kind,) * len(contacts),
+            room=BumpRoom(assembly, tuple(contacts), single, can_curve, normals[pair], options),
+            limits=read_only(np.tile([-np.inf, np.inf], (len(contacts), 1))),
             corners=read_only(corners),
             options=options,
         )
@@ -139,6 +142,19 @@ class Shapes3D:
         """Return (E,) shorter sides of the rectangles, m."""
         return read_only(np.linalg.norm(self.rectangles.edge_y, axis=1))
 
+    @cached_property
+    def frusta(self) -> BoolArray:
+        """Return (E,) which joints are frusta; the others are bicubic bumps."""
+        return read_only([kind == "frustum" for kind in self.kinds], np.bool_)
+
+    @cached_property
+    def reach(self) -> Array:
+        """Return (E, 2) lowest and highest bump, m, that stays clear of boundaries and other joints, and is wanted."""
+        room = self.room.curved
+        if self.frusta.any():
+            room = np.where(self.frusta[:, None], self.room.straight, room)
+        return np.stack([np.maximum(room[:, 0], self.limits[:, 0]), np.minimum(room[:, 1], self.limits[:, 1])], axis=1)
+
     @property
     def _segments(self) -> int:
         """Straight pieces per flank: one makes a truncated pyramid, which saws and wires can cut."""
@@ -162,11 +178,26 @@ class Shapes3D:
         inner = strip > 1.0
         return np.asarray(np.flatnonzero((steep[:, 0] & inner[:, 1]) | (steep[:, 1] & inner[:, 0])))
 
+    @cached_property
+    def _asked(self) -> tuple[IntArray, IntArray]:
+        """Return triangles (E, R), and (E, R, 3) vertices whose mean is a point on each: what stands for the patches.
+
+        Of frusta all corners of all flanks; of bicubic bumps the middles of the telling triangles.
+        """
+        bump = self._pattern.triangles[self._telling]
+        flank, corner = _flank_corners(self._pattern)
+        most = max(len(bump), len(flank))
+        telling, flank = np.resize(self._telling, most), np.resize(flank, most)
+        points = np.stack([np.resize(bump, (most, 3)), np.repeat(np.resize(corner, most)[:, None], 3, axis=1)])
+        kind = self.frusta.astype(np.int64)
+        return np.stack([telling, flank])[kind], points[kind]
+
     def bounds(self) -> tuple[Array, Array]:
         """Return lower and upper bounds (E, 2): no bump leaves its room."""
-        high = self.options.max_height
-        low = np.stack([np.maximum(self.reach[:, 0] / self.lengths, -high), np.full(len(self.pair), SMALLEST)], axis=1)
-        top = np.stack([np.minimum(self.reach[:, 1] / self.lengths, high), np.ones(len(self.pair))], axis=1)
+        high = np.where(self.frusta, self.options.tallest_frustum, self.options.max_height)
+        least, most = np.where(self.frusta, SMALLEST_TOP, SMALLEST), np.where(self.frusta, LARGEST_TOP, 1.0)
+        low = np.stack([np.maximum(self.reach[:, 0] / self.lengths, -high), least], axis=1)
+        top = np.stack([np.minimum(self.reach[:, 1] / self.lengths, high), most], axis=1)
         return low, top
 
     def directions(self, lean: Array) -> Array:
@@ -180,19 +211,29 @@ class Shapes3D:
         """Return (E, K + P, 3): vertices of the patches of shapes (E, 2) and directions (E, 3), then corners."""
         r = self.rectangles
         xy = 0.5 + shape[:, 1, None, None] * (self._pattern.xy - 0.5)
+        share = np.broadcast_to(self._pattern.share, xy.shape[:2])
+        if self.frusta.any():
+            xy = np.where(self.frusta[:, None, None], with_flanks(self._pattern.xy, 0.5 - 0.5 * shape[:, 1]), xy)
+            share = np.where(self.frusta[:, None], ramp(self._pattern.xy), share)
         rise = (shape[:, 0] * self.lengths)[:, None] * u
         patch = (
             r.origin[:, None]
             + xy[..., :1] * r.edge_x[:, None]
             + xy[..., 1:] * r.edge_y[:, None]
-            + self._pattern.share[:, None] * rise[:, None]
+            + share[..., None] * rise[:, None]
         )
         return np.concatenate([patch, self.corners], axis=1)
 
     def rays(self, surface: Array) -> tuple[Array, Array]:
-        """Return contact points and normals (E, R, 3): middles of the telling triangles, corners of the contact."""
-        corners, normals = self._facets(surface, self._pattern.triangles[self._telling])
+        """Return contact points and normals (E, R, 3): those that tell of the patches, and corners of the contact."""
         rim, flat = self._rim(surface)
+        if self.frusta.any():
+            triangles, vertices = self._asked
+            joint = np.arange(len(surface))[:, None, None]
+            normals = self._normals(surface[joint, self._pattern.triangles[triangles]])
+            points = surface[joint, vertices].mean(axis=2)
+            return np.concatenate([points, rim], axis=1), np.concatenate([normals, flat], axis=1)
+        corners, normals = self._facets(surface, self._pattern.triangles[self._telling])
         return np.concatenate([corners.mean(axis=2), rim], axis=1), np.concatenate([normals, flat], axis=1)
 
     def all_rays(self, surface: Array) -> tuple[Array, Array]:
@@ -205,8 +246,13 @@ class Shapes3D:
     def _facets(self, surface: Array, triangles: IntArray) -> tuple[Array, Array]:
         """Return corners (E, T, 3, 3) and unit normals (E, T, 3) of triangles of the patches."""
         corners = surface[:, triangles]
+        return corners, self._normals(corners)
+
+    @staticmethod
+    def _normals(corners: Array) -> Array:
+        """Return unit normals (E, T, 3) of triangles (E, T, 3, 3)."""
         normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
-        return corners, normals / np.maximum(np.linalg.norm(normals, axis=2), 1e-300)[..., None]
+        return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=2), 1e-300)[..., None])
 
     def _rim(self, surface: Array) -> tuple[Array, Array]:
         rim = surface[:, len(self._pattern.xy) :]
@@ -230,6 +276,7 @@ class Shapes3D:
         missing = self.options.min_radius / self.lengths - flank**2 / (6.0 * np.maximum(np.abs(height), 1e-9))
         if self.options.piecewise_planar:  # planes have no radius
             missing = np.full_like(missing, -1.0)
+        missing = np.where(self.frusta, -1.0, missing)
         return np.stack([low - height, height - high, np.where(np.abs(height) > 1e-4, missing, -1.0)], axis=1)
 
     def candidate_rays(self) -> tuple[Array, Array, Array]:
@@ -262,25 +309,94 @@ class Shapes3D:
         """Return shapes (E, 2) with the same small steep bump everywhere, as high as each joint's room allows."""
         low, high = self.reach[:, 0] / self.lengths, self.reach[:, 1] / self.lengths
         size = np.full(len(low), 0.6)
-        return [("n", np.stack([np.clip(h, low, high), size], axis=1)) for h in (-0.2, 0.2)]
+        bumps = [("n", np.stack([np.clip(h, low, high), size], axis=1)) for h in (-0.2, 0.2)]
+        if self.options.frusta:
+            bumps += [("frustum", self._frusta_to_the_roomier_side(share)) for share in (0.6, 1.0)]
+        return bumps
+
+    def _frusta_to_the_roomier_side(self, share: float) -> Array:
+        """Return shapes (E, 2): frusta into the part that has more room, a share as high as room and slope allow."""
+        low, top = (bound[:, 0] for bound in self.with_kinds(["frustum"] * len(self.pair)).bounds())
+        highest = share * 0.5 * (1.0 - FIRST_TOP) * np.tan(self.options.max_slope_rad)
+        height = np.where(top > -low, np.minimum(top, highest), np.maximum(low, -highest))
+        return np.stack([height, np.full(len(height), FIRST_TOP)], axis=1)
 
     def with_kinds(self, kinds: Sequence[Any]) -> Shapes3D:
-        """Return these joints: solids know one family."""
-        return self
+        """Return the same joints with other families."""
+        return self if tuple(kinds) == self.kinds else replace(self, kinds=tuple(kinds))
 
     def within(self, limits: Array) -> Shapes3D:
         """Return the same joints with bumps between the lowest and highest heights `limits` (E, 2), m."""
-        reach = np.stack([np.maximum(self.reach[:, 0], limits[:, 0]), np.minimum(self.reach[:, 1], limits[:, 1])], 1)
-        return replace(self, reach=read_only(reach))
+        return replace(self, limits=limits)
 
     def joint(self, index: int, shape: Array, u: Array) -> Joint:
         """Return joint `index` built with shape (2,) and direction u (3,); planar without height."""
         contact, rectangle = self.contacts[index], self.single[index]
         if rectangle is None or abs(shape[0]) < 1e-3:
             return planar(contact)
+        height = float(shape[0] * self.lengths[index])
+        if self.frusta[index]:
+            return frustum_joint(contact, rectangle, height, u, 0.5 - 0.5 * float(shape[1]))
         low, high = 0.5 - 0.5 * float(shape[1]), 0.5 + 0.5 * float(shape[1])
         covered = rectangle.part((low, low), (high, high))
-        return bicubic_joint(contact, covered, float(shape[0] * self.lengths[index]), u, self._segments)
+        return bicubic_joint(contact, covered, height, u, self._segments)
+
+
+@dataclass(frozen=True, eq=False)
+class BumpRoom:
+    """How high bumps may get on every contact, worked out when it is first asked for.
+
+    Attributes:
+        single: the rectangle on each contact, None without one.
+        can_curve: (E,) which contacts may become joints.
+        u: (E, 3) their principal directions; bumps may lean from them by `LEAN_IN_REACH`.
+    """
+
+    assembly: Assembly
+    contacts: tuple[Contact, ...]
+    single: tuple[Rectangle | None, ...]
+    can_curve: BoolArray
+    u: Array
+    options: JointOptions
+
+    @cached_property
+    def curved(self) -> Array:
+        """Return (E, 2) lowest and highest bicubic bump, m."""
+        return self._limits(1 / 3)
+
+    @cached_property
+    def straight(self) -> Array:
+        """Return (E, 2) lowest and highest frustum, m."""
+        return self._limits(LEAST_FLANK)
+
+    def _limits(self, flank: float) -> Array:
+        reach = np.zeros((len(self.contacts), 2))
+        some = np.flatnonzero(self.can_curve)
+        if len(some):
+            chosen = [self.contacts[int(e)] for e in some]
+            stacked = Rectangles.of([r for e in some if (r := self.single[e]) is not None])
+            shorter = np.linalg.norm(stacked.edge_y, axis=1)
+            margin = np.maximum(self.options.margin * shorter, self.options.min_distance)
+            low, high = height_limits(self.assembly, chosen, stacked, self.u[some], margin, LEAN_IN_REACH, flank)
+            reach[some] = np.stack([low, high], axis=1)
+        return read_only(reach)
+
+
+def _flank_corners(pattern: BumpPattern) -> tuple[IntArray, IntArray]:
+    """Return 16 pairs of a triangle on a frustum's flank and a vertex at one of the flank's four corners."""
+    middles = pattern.xy[pattern.triangles].mean(axis=1)
+    found = []
+    for axis in (0, 1):
+        for end in (0.0, 1.0):
+            away = np.abs(middles[:, axis] - end)
+            across = np.abs(middles[:, 1 - axis] - 0.5)
+            triangle = int(np.flatnonzero((away < 1 / 3) & (across < 1 / 6))[0])
+            for up in (0.0, 1 / 3):
+                for side in (up, 1.0 - up):
+                    corner = np.empty(2)
+                    corner[axis], corner[1 - axis] = abs(end - up), side
+                    found.append((triangle, int(np.abs(pattern.xy - corner).sum(axis=1).argmin())))
+    return np.array([f[0] for f in found]), np.array([f[1] for f in found])
 
 
 def _towards(normal: Array, way_out: Array, most_rad: float) -> Array:
