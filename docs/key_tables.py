@@ -117,7 +117,8 @@ def _rule(key: Key) -> dict[str, Any]:
         return _values_rule()
     limits = (("minimum", key.low), ("maximum", key.high), ("exclusiveMinimum", key.above))
     limits += (("exclusiveMaximum", key.below),)
-    return _KINDS[key.kind] | {word: limit for word, limit in limits if limit is not None}
+    rule = _KINDS[key.kind] | {word: limit for word, limit in limits if limit is not None}
+    return {"anyOf": [rule, {"enum": list(key.known)}]} if key.known else rule
 
 
 def _values_rule() -> dict[str, Any]:

@@ -2,5 +2,6 @@
 
 from .cone_joints.designer import Designed, NarrowPart, design
 from .cone_joints.kinematic import Impossible
+from .cone_joints.largest_tilt import design_as_asked
 
-__all__ = ["Designed", "Impossible", "NarrowPart", "design"]
+__all__ = ["Designed", "Impossible", "NarrowPart", "design", "design_as_asked"]

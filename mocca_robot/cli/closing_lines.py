@@ -76,7 +76,8 @@ def say_verdicts(outcome: DesignOutcome, console: Console) -> None:
     if outcome.reserve is not None:
         dimension = design.assembly.dimension
         console.say(f"reserve:   {tilt_words.tilt_words(outcome.reserve, dimension)}")
-        if outcome.reserve.missed and (limited := tilt_words.limit_words(outcome.reserve)):
+        told = outcome.reserve.missed or outcome.reserve.largest
+        if told and (limited := tilt_words.limit_words(outcome.reserve)):
             console.say(f"           {limited}")
     for factor in outcome.after.load_factors:
         console.say(f"load:      {reserves.factor_words(factor)}")

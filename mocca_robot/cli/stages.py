@@ -92,13 +92,24 @@ PROGRESS_FILE = "design-progress.json"
 def design_joints(config: Config, contacts: ContactReport, folder: Path, console: Console) -> Designed:
     """Return the design run's outcome, with its two stages' wall times.
 
-    Goes on where an earlier run of the same input into the same folder was interrupted. Where it stands is kept
+    With `joints.tilt_margin_deg: max` it is that of the largest reserve that is found. Otherwise it goes on where an
+    earlier run of the same input into the same folder was interrupted. Where it stands is kept
     in `PROGRESS_FILE` until `forget_progress`.
     """
     from planners.cone_joints.checkpoint import Checkpoint, design_identity, read_checkpoint
     from planners.cone_joints.designer import design
+    from planners.cone_joints.largest_tilt import design_as_asked
 
     insertion = dict(config.insertion) or None
+    if np.isinf(config.joints.tilt_margin_rad):
+        with console.stage("climb") as show:
+            return design_as_asked(
+                config.assembly,
+                config.joints,
+                insertion=insertion,
+                contacts=contacts,
+                progress=lambda what, worst: show(f"{what}, E/|w|² {worst:.1e}"),
+            )
     path = folder / PROGRESS_FILE
     identity = design_identity(config.assembly, config.joints, insertion)
     earlier = read_checkpoint(path, identity)

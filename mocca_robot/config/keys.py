@@ -27,7 +27,7 @@ class Key:
         description: one sentence.
         low, high: smallest and largest value (included).
         above, below: limits that are not included.
-        known: the texts that a choice knows.
+        known: the texts that a choice knows; of degrees: 'max', which is read as infinite.
         size: how many numbers a vector has, or each corner of a box; 0 = told by the model.
         required: whether the section is incomplete without it.
     """
@@ -58,6 +58,10 @@ class Key:
             if not isinstance(data, list):
                 raise InputError(f"{where} must be a list, not {checks.shown(data)}.")
             return tuple(data)
+        if self.kind == "degrees" and self.known and isinstance(data, str):
+            if data not in self.known:
+                raise InputError(f"{where} is {checks.shown(data)}; give degrees, or {' or '.join(self.known)}.")
+            return float(np.inf)
         if self.kind == "degrees":
             return None if data is None else float(np.deg2rad(checks.number(data, where, **limits)))
         if self.kind == "integer":

@@ -239,9 +239,11 @@ KEYS: tuple[Key, ...] = (
         "degrees",
         _degrees(_J.tilt_margin_rad),
         "deg",
-        "Tilt in every direction that each required state should survive beyond what the goals ask for.",
+        "Tilt in every direction that each required state should survive beyond what the goals ask for; "
+        "`max`: the largest that is found.",
         low=0.0,
         high=45.0,
+        known=("max",),
     ),
     Key(
         "joints.inset",

@@ -23,7 +23,8 @@ class JointOptions:
         max_height: largest bump height as a share of the contact's length (2D) or shorter side (3D); frusta, see
             `tallest_frustum`.
         piecewise_planar: flat flanks instead of curved ones, for saws and wires; `min_radius` does not apply.
-        tilt_margin_rad: extra tilt, in every azimuth, that the design aims to survive in each required state.
+        tilt_margin_rad: extra tilt, in every azimuth, that the design aims to survive in each required state; infinite:
+            the largest that is found.
         inset: share by which contacts are narrowed and joints flattened while designing, so that the built
             structure holds its loads with forces strictly inside its joints.
         alpha_margin_rad: insertion cone asked for beyond α while designing.

@@ -27,6 +27,7 @@ def tilt_words(reserve: TiltReserve, dimension: int) -> str:
         return f"stands at every tilt up to {math.degrees(reserve.critical_rad):.0f}°, without friction"
     state = "" if reserve.case == "gravity" else f" ({case_words(reserve.case)})"
     asked = f"; asked for: {_degrees(reserve.asked_rad)}" if reserve.asked_rad > 0.0 else ""
+    asked = "; asked for: the largest that is found" if reserve.largest else asked
     return (
         f"falls at a tilt of {_degrees(reserve.critical_rad)} towards {towards(reserve.azimuth_rad, dimension)}"
         f"{state}, without friction; then {quoted(reserve.moving, 4)} would move{asked}"
@@ -70,7 +71,7 @@ def tilt_data(reserve: TiltReserve | None) -> dict[str, Any] | None:
         "azimuth_deg": math.degrees(reserve.azimuth_rad),
         "case": reserve.case,
         "goal_deg": math.degrees(reserve.goal_rad),
-        "margin_deg": math.degrees(reserve.margin_rad),
+        "margin_deg": "max" if reserve.largest else math.degrees(reserve.margin_rad),
         "reached": not reserve.missed,
         "moving": list(reserve.moving),
         "gives_way": [list(pair) for pair in reserve.pairs],

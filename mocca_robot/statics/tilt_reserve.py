@@ -38,7 +38,7 @@ class TiltReserve:
         azimuth_rad: towards which side.
         case: the load case, 'gravity' for the finished structure.
         goal_rad: the tilt that a lateral goal asks of this state, 0 without one.
-        margin_rad: the reserve asked for beyond it (`JointOptions.tilt_margin_rad`).
+        margin_rad: the reserve asked for beyond it (`JointOptions.tilt_margin_rad`); infinite: the largest there is.
         moving: the parts that move just beyond it, in assembly order; empty at π/2.
         pairs: pairs of parts whose contacts give way in that motion: where forces slide most along the contact first.
         limits: the joints of these pairs and the bounds they have reached; empty where their design is not known.
@@ -60,8 +60,13 @@ class TiltReserve:
 
     @property
     def asked_rad(self) -> float:
-        """Return the tilt that was asked for in all."""
-        return self.goal_rad + self.margin_rad
+        """Return the tilt that was asked for in all; of the largest there is, what the goal asks for."""
+        return self.goal_rad if self.largest else self.goal_rad + self.margin_rad
+
+    @property
+    def largest(self) -> bool:
+        """Return whether the largest reserve that is found was asked for."""
+        return bool(np.isinf(self.margin_rad))
 
     @property
     def missed(self) -> bool:

@@ -18,7 +18,8 @@ from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import ways_out
 from planners.baselines.tenons import tenons_along_exits, tilted_tenons, upright_tenons
-from planners.cone_joints.designer import Progress, design
+from planners.cone_joints.largest_tilt import design_as_asked
+from planners.cone_joints.search import Progress
 
 CONE_JOINTS = "cone joints"
 """The name of the designed joinery; the others are there to be compared with it."""
@@ -65,7 +66,7 @@ def joineries(
         result.append(_joined("single direction", assembly, tenons_along_exits(graph, exits, options), exits))
     else:
         result.append(_joined("upright mortise and tenon", assembly, upright_tenons(graph, options), exits))
-    designed = design(assembly, options, contacts=report, progress=progress)
+    designed = design_as_asked(assembly, options, contacts=report, progress=progress)
     done = designed.design
     remarks = () if designed.achieved else ("The design search did not reach every goal; this is where it ended.",)
     result.append(Joinery(CONE_JOINTS, done.assembly, done.joints, done.insertion, remarks))

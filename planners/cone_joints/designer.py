@@ -84,6 +84,7 @@ def design(
     resume: SearchState | None = None,
     keep: Keep | None = None,
     near: FoundJoints | None = None,
+    alone: bool = False,
 ) -> Designed:
     """Return cone joints under which `assembly` meets its goals, or the evidence that it cannot.
 
@@ -97,12 +98,17 @@ def design(
         progress: called now and then.
         resume: where an interrupted design of the same assembly with the same options stood.
         near: joints of a similar design over the same contacts (`Designed.searched`), to start from.
+        alone: whether nothing but `near` is tried.
         keep: shown every state that `resume` can take; `planners.cone_joints.checkpoint` puts them into a file.
 
     Raises InputError when parts overlap, float free, or none is fixed.
     """
     started = time.perf_counter()
     options = options or JointOptions()
+    if np.isinf(options.tilt_margin_rad):
+        raise InputError(
+            "tilt_margin_rad is infinite: call planners.design_as_asked, which looks for the largest margin."
+        )
     report = contacts or find_contacts(assembly)
     require_sound(assembly, report)
     found = joint_contacts(assembly, report)
@@ -138,7 +144,7 @@ def design(
         impossible = None if proof is None else (required[proof.case].name, proof)
         kinematic = time.perf_counter() - started
         if impossible is None:
-            searched = search(problem, start, progress, resume=resume, keep=keep, near=near)
+            searched = search(problem, start, progress, resume=resume, keep=keep, near=near, alone=alone)
             opener = WayOpener(
                 graph=graph,
                 problem=problem,

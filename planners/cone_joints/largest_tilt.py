@@ -2,12 +2,13 @@
 
 Angle by angle, each design starting from the joints of the one before: long steps while they succeed, halved where
 they do not. Beyond the last success stands either a proof, that no joint within the bounds holds the load (the convex
-bound of `planners.cone_joints.kinematic`), or only that the search ended: both angles are told.
+bound of `planners.cone_joints.kinematic`), or only that the search ended: both angles are told. What is climbed is the
+angle of a lateral goal, or the reserve that every required state has beyond its load.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,15 +21,20 @@ from mocca_robot.errors import InputError
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import load_cases
+from mocca_robot.statics.tilt_reserve import tilt_reserve
 from planners.cone_joints.designer import Designed, design, joint_contacts, joint_shapes
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.kinematic import bound
-from planners.cone_joints.search import Progress
+from planners.cone_joints.search import FoundJoints, Progress
 
 FIRST_STEP = float(np.deg2rad(5.0))
 RESOLUTION = float(np.deg2rad(1.0))
 """Step below which the climb ends, and to which the proven bound is narrowed down."""
+ENOUGH = float(np.deg2rad(5.0))
+"""Angle below which small gains are worth another, shorter step."""
 STEEPEST = float(np.deg2rad(85.0))
+AZIMUTHS = 8
+"""Sides towards which the reserve of solids is measured."""
 
 
 @dataclass(frozen=True)
@@ -78,41 +84,111 @@ def largest_tilt(
             f"'{assembly.name}' has no lateral goal to climb from; add goal: {{kind: lateral, angle_deg: 20}}."
         )
     options = options or JointOptions()
+    if np.isinf(options.tilt_margin_rad):
+        raise InputError(
+            "The largest angle and the largest reserve are not looked for together; set joints.tilt_margin_deg: 0."
+        )
     report = contacts or find_contacts(assembly)
     first = max(goals, key=lambda g: g.angle_rad)
     best = design(assembly, options, insertion=insertion, contacts=report, progress=progress)
-    rungs = [_rung(first.angle_rad, best)]
-    angle, failed, step = first.angle_rad, None, FIRST_STEP
-    # In 3D the ways in come from sweeps, which tilting the ground does not change.
-    ways = {i.part: i.direction for i in best.design.insertion} if assembly.dimension == 3 else dict(insertion or {})
+    ways = _ways(assembly, best, insertion)
     ceiling = _proven(assembly, first, report, options, ways) if best.achieved else None
+
+    def tilted(target: float, near: FoundJoints | None, show: Progress | None) -> tuple[Designed, float]:
+        goal = replace(first, angle_rad=target)
+        leaning = replace(assembly, goals=tuple(goal if g is first else g for g in assembly.goals))
+        found = design(leaning, options, insertion=ways, contacts=report, progress=show, near=near)
+        return found, target if found.achieved else -np.inf
+
+    return _climbed(best, first.angle_rad, ceiling, tilted, progress)
+
+
+def design_as_asked(
+    assembly: Assembly,
+    options: JointOptions | None = None,
+    *,
+    insertion: Mapping[str, Array] | None = None,
+    contacts: ContactReport | None = None,
+    progress: Progress | None = None,
+) -> Designed:
+    """Return `design`, or, where the tilt margin asked for is infinite, that with the largest reserve that is found.
+
+    Arguments as of `design`. Ctrl-C ends the climb with what it has.
+    """
+    options = options or JointOptions()
+    if np.isfinite(options.tilt_margin_rad):
+        return design(assembly, options, insertion=insertion, contacts=contacts, progress=progress)
+    report = contacts or find_contacts(assembly)
+    modest = replace(options, tilt_margin_rad=JointOptions().tilt_margin_rad)
+    first = design(assembly, modest, insertion=insertion, contacts=report, progress=progress)
+    ways = _ways(assembly, first, insertion)
+
+    def reserve(found: Designed) -> float:
+        measured = tilt_reserve(PartsGraph.of(found.design.assembly), 0.0, AZIMUTHS) if found.achieved else None
+        return -np.inf if measured is None else measured.reserve_rad
+
+    def braced(target: float, near: FoundJoints | None, show: Progress | None) -> tuple[Designed, float]:
+        start = None if near is None else near.all_curved()
+        asked = replace(modest, tilt_margin_rad=target)
+        found = design(
+            assembly, asked, insertion=ways, contacts=report, progress=show, near=start, alone=start is not None
+        )
+        return found, reserve(found)
+
+    begun = reserve(first)
+    return first if np.isinf(begun) else _climbed(first, begun, None, braced, progress).designed
+
+
+def _ways(assembly: Assembly, found: Designed, insertion: Mapping[str, Array] | None) -> dict[str, Array]:
+    """Return the ways in to keep: in 3D they come from sweeps, which tilting the ground does not change."""
+    if assembly.dimension == 3:
+        return {i.part: i.direction for i in found.design.insertion}
+    return dict(insertion or {})
+
+
+def _climbed(
+    best: Designed,
+    angle: float,
+    ceiling: float | None,
+    ahead: Callable[[float, FoundJoints | None, Progress | None], tuple[Designed, float]],
+    progress: Progress | None,
+) -> LargestTilt:
+    """Return where a climb from `angle` ends.
+
+    `ahead` returns the design for a larger angle, from the joints of the best one so far, and the angle it reaches:
+    one that falls short of its target may still be the best. From `ENOUGH` on the climb ends where that gains less than
+    `RESOLUTION`.
+    """
+    rungs = [_rung(angle, best, best.achieved)]
+    failed, step = None, FIRST_STEP
     while best.achieved and best.interrupted is None and step >= RESOLUTION:
         target = angle + step
         if target >= min(x for x in (ceiling, failed, STEEPEST) if x is not None) - 1e-9:
             step /= 2.0
             continue
-        goal = replace(first, angle_rad=target)
-        tilted = replace(assembly, goals=tuple(goal if g is first else g for g in assembly.goals))
 
         def show(what: str, worst: float, degrees: float = float(np.rad2deg(target))) -> None:
             if progress is not None:
                 progress(f"{degrees:.1f}°: {what}", worst)
 
-        ahead = design(tilted, options, insertion=ways, contacts=report, progress=show, near=best.searched)
-        if ahead.interrupted is not None:
+        found, reached = ahead(target, best.searched, show)
+        if found.interrupted is not None:
             best = replace(best, interrupted=f"{np.rad2deg(target):.1f}°")
             break
-        rungs.append(_rung(target, ahead))
-        if ahead.achieved:
-            best, angle = ahead, target
-        else:
+        rungs.append(_rung(target, found, reached >= target))
+        gained = reached - angle
+        if gained > 0.0:
+            best, angle = found, reached
+        if reached < target:
             failed, step = target, step / 2.0
+            if 0.0 < gained < RESOLUTION and angle >= ENOUGH:
+                break
     return LargestTilt(best, angle if best.achieved else None, failed, ceiling, tuple(rungs))
 
 
-def _rung(angle_rad: float, found: Designed) -> Rung:
+def _rung(angle_rad: float, found: Designed, achieved: bool) -> Rung:
     worst = max((c.infeasibility_after for c in found.design.load_cases), default=0.0)
-    return Rung(angle_rad, found.achieved, worst)
+    return Rung(angle_rad, achieved, worst)
 
 
 def _proven(

@@ -87,6 +87,11 @@ class FoundJoints:
     polished: Polished
     interrupted: str | None = None
 
+    def all_curved(self) -> FoundJoints:
+        """Return the same with every joint free to curve, from where it is, also those that the loads did not need."""
+        parameters = replace(self.polished.parameters, curved=self.shapes.can_curve)
+        return replace(self, polished=replace(self.polished, parameters=parameters))
+
 
 def search(
     problem: JointProblem,
@@ -96,17 +101,18 @@ def search(
     resume: SearchState | None = None,
     keep: Keep | None = None,
     near: FoundJoints | None = None,
+    alone: bool = False,
 ) -> FoundJoints:
     """Return the first attempt that solves everything, or the one that came nearest.
 
     Ctrl-C ends it early with the nearest joints so far. `resume` is a state that `keep` was shown by an earlier
     search of the same problem. `near` holds joints that solve a similar problem, over the same contacts: they are
-    tried first, and of large assemblies nothing else.
+    tried first, and of large assemblies, or with `alone`, nothing else.
     """
     trail = _Trail(resume or SearchState(), progress, keep)
     families: list[Shapes] = []
     try:
-        best = _polished(problem, start, near, trail, families)
+        best = _polished(problem, _attempts(problem, start, near, alone), trail, families)
         few = len(problem.loads.gravity) <= FEW_CASES and len(problem.pairs) > MANY_JOINTS
         if trail.state.stage is not Stage.FINISHED and few and _rank(problem, best)[0] <= 1.0:
             trail.doing = "fewer joints"
@@ -144,10 +150,13 @@ class _Trail:
 
 
 def _polished(
-    problem: JointProblem, start: JointParameters, near: FoundJoints | None, trail: _Trail, families: list[Shapes]
+    problem: JointProblem,
+    attempts: Iterator[tuple[Attempt, Shapes, JointParameters]],
+    trail: _Trail,
+    families: list[Shapes],
 ) -> Polished:
     """Return the best attempt, polished; `families` receives the shapes of every attempt that was begun."""
-    for number, (label, shapes, first) in enumerate(_attempts(problem, start, near)):
+    for number, (label, shapes, first) in enumerate(attempts):
         families.append(shapes)
         state = trail.state
         if state.stage is not Stage.POLISHING and state.best is not None:  # an earlier run has got further
@@ -195,7 +204,7 @@ def _rank(problem: JointProblem, polished: Polished) -> tuple[float, float]:
 
 
 def _attempts(
-    problem: JointProblem, start: JointParameters, near: FoundJoints | None
+    problem: JointProblem, start: JointParameters, near: FoundJoints | None, alone: bool
 ) -> Iterator[tuple[Attempt, Shapes, JointParameters]]:
     """Yield starting points from the most promising to the most stubborn.
 
@@ -215,6 +224,8 @@ def _attempts(
     ]
     if near is not None:
         yield Attempt.SIMILAR, near.shapes, near.polished.parameters
+        if alone:
+            return
     if len(shapes.contacts) > MANY_JOINTS:
         if near is None:
             yield from uniform

@@ -74,9 +74,9 @@ def _evaluated(task: Task) -> Row:
 
 def _designed(config: Config, report: Any) -> tuple[Row, PartsGraph]:
     """Return the figures of a design, and its parts, ways in and contacts as they are read back from its files."""
-    from planners.cone_joints.designer import design
+    from planners.cone_joints.largest_tilt import design_as_asked
 
-    found = design(config.assembly, config.joints, insertion=dict(config.insertion) or None, contacts=report)
+    found = design_as_asked(config.assembly, config.joints, insertion=dict(config.insertion) or None, contacts=report)
     with tempfile.TemporaryDirectory(prefix="mocca-point-") as folder:
         stored = read_design(write_design(found.design, Path(folder)))
     ways = {i.part: i.direction for i in stored.insertion}

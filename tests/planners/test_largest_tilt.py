@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mocca_robot.assembly import Assembly, Lateral, Part, Polygon
+from mocca_robot import load
+from mocca_robot.assembly import Assembly, Equilibrium, Lateral, Part, Polygon
 from mocca_robot.cli import main
 from mocca_robot.errors import InputError
 from mocca_robot.files.assembly_json import write_assembly
+from mocca_robot.joints.bounds import Bound
 from mocca_robot.joints.options import JointOptions
+from mocca_robot.motion.insertion import insertion_verdicts
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import critical_tilt
-from planners.cone_joints.designer import design
-from planners.cone_joints.largest_tilt import RESOLUTION, largest_tilt
+from mocca_robot.statics.tilt_reserve import tilt_reserve
+from planners.cone_joints.designer import Designed, design
+from planners.cone_joints.largest_tilt import RESOLUTION, design_as_asked, largest_tilt
 
 
 def rectangle(name: str, x: float, y: float, w: float, h: float, fixed: bool = False) -> Part:
@@ -73,3 +79,55 @@ def test_the_command_says_how_far_and_why_not_further(
     assert "tilt_000" in tilted
     assert main(command) == 0
     assert "largest tilt: a design was found up to" in capsys.readouterr().out
+
+
+def reserve_deg(found: Designed) -> float:
+    measured = tilt_reserve(PartsGraph.of(found.design.assembly), 0.0)
+    assert measured is not None
+    return float(np.rad2deg(measured.reserve_rad))
+
+
+LARGEST = JointOptions(tilt_margin_rad=np.inf)
+
+
+@pytest.mark.parametrize("name", ["m", "stack", "tree", "leaning_tower_20", "leaning_tower_30"])
+def test_the_largest_margin_at_least_doubles_a_small_reserve_and_keeps_alpha(name: str) -> None:
+    config = load(f"configs/{name}.yaml")
+    usual = reserve_deg(design_as_asked(config.assembly, config.joints))
+    assert usual < 5.0
+    most = design_as_asked(config.assembly, replace(config.joints, tilt_margin_rad=np.inf))
+    assert most.achieved and reserve_deg(most) >= 2.0 * usual
+    assert all(way.assemblable for way in insertion_verdicts(PartsGraph.of(most.design.assembly)))
+
+
+def test_no_margin_is_larger_than_the_steepest_joint() -> None:
+    upright = replace(block(), goals=(Equilibrium(),))
+    most = design_as_asked(upright, replace(LARGEST, max_slope_rad=float(np.deg2rad(30.0))))
+    assert 10.0 < reserve_deg(most) <= 30.0
+    assert most.tight and Bound.SLOPE in most.tight[0].bounds
+
+
+def test_what_only_interlocks_has_no_margin_to_climb() -> None:
+    config = load("configs/sphere.yaml")
+    asked = [replace(config.joints, tilt_margin_rad=margin) for margin in (JointOptions().tilt_margin_rad, np.inf)]
+    usual, most = (design_as_asked(config.assembly, options) for options in asked)
+    assert most.achieved and most.evaluations == usual.evaluations
+
+
+def test_one_design_alone_cannot_have_the_largest_margin() -> None:
+    with pytest.raises(InputError, match="design_as_asked"):
+        design(replace(block(), goals=(Equilibrium(),)), LARGEST)
+
+
+def test_one_climb_at_a_time() -> None:
+    with pytest.raises(InputError, match=r"joints\.tilt_margin_deg"):
+        largest_tilt(block(), LARGEST)
+
+
+def test_the_command_asks_for_the_largest_margin(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    setting = ["--set", "joints.tilt_margin_deg=max"]
+    assert main(["design", "configs/stack.yaml", "-o", str(tmp_path), "--json", *setting]) == 0
+    told = json.loads(capsys.readouterr().out)["reserve"]
+    assert told["margin_deg"] == "max" and told["reached"] is True and told["critical_deg"] > 5.0
+    assert main(["design", "configs/stack.yaml", "-o", str(tmp_path), "--set", "joints.tilt_margin_deg=most"]) == 2
+    assert "joints.tilt_margin_deg" in capsys.readouterr().err
