@@ -96,8 +96,7 @@ def checkup(
     anything = mobility(graph)
     findings = [*reasons.statics_findings(assembly, verification), *reasons.hanging_findings(graph)]
     if key is not None and held is not None and not held.locked and not any(f.case == "interlocking" for f in findings):
-        text = f"Does not interlock: with '{key}' held, {quoted(held.moving)} can still move."
-        findings.append(NegativeVerdict("loose", text, held.moving, "interlocking"))
+        findings.append(reasons.loose_finding(key, held))
     if anything.locked:
         findings.append(reasons.deadlock_finding(assembly))
     return Checkup(

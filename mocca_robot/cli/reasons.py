@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mocca_robot.assembly import Assembly, SupportFree
+from mocca_robot.assembly import Assembly, Interlocking, SupportFree
 from mocca_robot.errors import quoted
 from mocca_robot.motion.insertion import InsertionVerdict
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report.case_words import case_words
 from mocca_robot.report.tilt_words import limit_words
 from mocca_robot.statics.cases import CaseVerdict, moving_parts
+from mocca_robot.statics.mobility import Mobility, loose_with_key
 from mocca_robot.statics.tilt_reserve import TiltReserve
 from mocca_robot.tolerances import PART_OVERLAP
 from mocca_robot.verdicts.agreement import Remark, towards
@@ -50,8 +51,20 @@ def degrees(angle_rad: float) -> str:
 def statics_findings(assembly: Assembly, verification: Verification, remedy: str = "") -> list[NegativeVerdict]:
     """Return what statics and geometry hold against an assembly."""
     found = [f for case in verification.cases if (f := case_finding(case, remedy)) is not None]
+    loose = None if any(f.case == "interlocking" for f in found) else loose_with_key(verification.graph)
+    if loose is not None:
+        key = next(g.key for g in assembly.goals if isinstance(g, Interlocking))
+        found.append(loose_finding(key, loose))
     found += [insertion_finding(i) for i in verification.insertions if not i.assemblable]
     return found
+
+
+def loose_finding(key: str, loose: Mobility) -> NegativeVerdict:
+    """Return that parts can leave while the key is held."""
+    text = f"Does not interlock: with '{key}' held, {quoted(loose.moving)} can still move."
+    if not loose.opens:
+        text += " It slides along flat contacts; ask for {kind: lateral, angle_deg: 5} as well, and they get joints."
+    return NegativeVerdict("loose", text, loose.moving, "interlocking")
 
 
 def overlap_findings(assembly: Assembly, verification: Verification) -> list[NegativeVerdict]:

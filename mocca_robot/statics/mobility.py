@@ -13,6 +13,7 @@ from mocca_robot.errors import MoccaError
 from mocca_robot.joints.joint import MANY, contact_rays, spanning_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import moving_parts
+from mocca_robot.statics.loads import load_cases
 from mocca_robot.statics.solver.solvers import SolverFailed
 from mocca_robot.statics.solver.system import ContactSystem
 
@@ -80,6 +81,16 @@ def mobility(graph: PartsGraph, held: BoolArray | None = None) -> Mobility:
     moved[:, assembly.dimension :] /= length
     motions[~fixed] = moved
     return Mobility(motions, moving_parts(assembly, motions), opens)
+
+
+def loose_with_key(graph: PartsGraph) -> Mobility | None:
+    """Return what can still move while the key of an interlocking goal is held; None if nothing can or none is asked.
+
+    The load case of that goal pushes contacts apart, so that it says nothing of motions that slide along all of them.
+    """
+    asked = (case for case in load_cases(graph) if case.name == "interlocking")
+    found = (mobility(graph, case.held) for case in asked)
+    return next((m for m in found if not m.locked), None)
 
 
 def leaving_parts(graph: PartsGraph) -> tuple[str, ...]:

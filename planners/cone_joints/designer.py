@@ -20,6 +20,7 @@ from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import ways_out
 from mocca_robot.runtime.threads import with_one_blas_thread
 from mocca_robot.statics.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
+from mocca_robot.statics.mobility import loose_with_key
 from mocca_robot.tolerances import ANGLE_ROUNDING_RAD, CASE_HELD, CASE_SOLVED, MARGIN_SOLVED, VIOLATED
 from planners.cone_joints.building import build
 from planners.cone_joints.descent import evaluate
@@ -158,6 +159,7 @@ def design(
     polished = unsearched if outcome is None else outcome.searched.polished
     result = build(assembly, problem, start, given) if outcome is None else outcome.built
     held = bool(polished.infeasibility[: len(required)].max(initial=0.0) <= CASE_HELD)
+    held = held and loose_with_key(PartsGraph.of(result.assembly)) is None
     open_ways = not (closed_ways(result) if outcome is None else outcome.closed)
     seconds = {"kinematic": kinematic, "realization": realization, "total": time.perf_counter() - started}
     notes = _notes(assembly, shapes, report)

@@ -187,6 +187,21 @@ def test_a_key_that_locks_and_one_that_does_not(slope: Path, step: Path, capsys:
     assert "hat" in capsys.readouterr().err
 
 
+def test_what_only_slides_with_its_key_held_is_loose_until_sideways_loads_need_joints(tmp_path: Path) -> None:
+    parts = [
+        {"name": "table", "fixed": True, "polygon": [[0, 0], [300, 0], [300, 100], [0, 100]]},
+        {"name": "board", "polygon": [[0, 100], [300, 100], [300, 130], [0, 130]]},
+        {"name": "weight", "polygon": [[100, 130], [200, 130], [200, 200], [100, 200]]},
+    ]
+    goal = {"kind": "interlocking", "key": "weight"}
+    for name, goals, code in (("flat", [goal], 1), ("joints", [goal, {"kind": "lateral", "angle_deg": 5}], 0)):
+        file = written(tmp_path / f"{name}.json", {**SLOPE, "name": name, "parts": parts, "goal": goals})
+        done = command("design", file, "-o", tmp_path / name, "--json")
+        assert done.returncode == code, done.stderr
+        assert [f["kind"] for f in only_json(done.stdout)["findings"]] == ["loose"] * code
+        assert command("check", tmp_path / name / "design.json", "--key", "weight", "--json").returncode == code
+
+
 def test_bounds_too_tight_for_any_joint_are_proven(slope: Path, tmp_path: Path) -> None:
     done = command("design", slope, "-o", tmp_path / "out", "--json", "--set", "joints.max_slope_deg=2")
     assert done.returncode == 1, done.stderr

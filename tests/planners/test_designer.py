@@ -19,6 +19,7 @@ from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import critical_tilt
 from mocca_robot.statics.equilibrium import equilibrium
 from mocca_robot.statics.loads import case_wrenches, load_cases
+from mocca_robot.statics.mobility import loose_with_key
 from mocca_robot.verdicts.verification import verify
 from planners.cone_joints.designer import design
 
@@ -119,6 +120,19 @@ def test_interlocking_holds_every_part_but_the_key() -> None:
     outcome = design(Assembly("row", parts, goals=(Interlocking("middle"),), alpha_rad=None))
     assert not outcome.achieved
     assert outcome.impossible is not None, "a row can always be pulled apart: no height field holds it"
+
+
+def test_what_slides_along_its_contacts_does_not_interlock() -> None:
+    """A board between table and weight: with the weight held nothing opens, but the board slides out."""
+    parts = (
+        rectangle("table", 0.0, 0.0, 0.3, 0.1, True),
+        rectangle("board", 0.0, 0.1, 0.3, 0.02),
+        rectangle("weight", 0.1, 0.12, 0.1, 0.05),
+    )
+    outcome = design(Assembly("pile", parts, goals=(Interlocking("weight"),), alpha_rad=None))
+    loose = loose_with_key(PartsGraph.of(outcome.design.assembly))
+    assert outcome.achieved == (loose is None)
+    assert loose is None or loose.moving == ("board",)
 
 
 def test_a_part_between_parallel_walls_is_narrow_by_name() -> None:
