@@ -30,6 +30,13 @@ def add(commands: Any) -> None:
         "--states", type=int, default=2000, metavar="N", help="how many states to examine at most (default 2000)"
     )
     parser.add_argument(
+        "--seconds",
+        type=float,
+        default=6.0,
+        metavar="S",
+        help="how long to look for an order with fewer supports before the best so far is printed (default 6)",
+    )
+    parser.add_argument(
         "-o", "--output", metavar="FILE", help="write the assembly as JSON, in the order that was found"
     )
     arguments.add_json(parser)
@@ -51,12 +58,14 @@ def run(args: argparse.Namespace) -> int:
         report = find_contacts(config.assembly)
         require_sound(config.assembly, report)
     target = None if args.output is None else target_file(args.output, Path("assembly.json"))
-    with console.stage("sequence"):
+    with console.stage("sequence") as show:
         found = find_sequence(
             PartsGraph.of(config.assembly, report.contacts),
             holders=args.holders,
             friction=config.friction,
             states=args.states,
+            seconds=args.seconds,
+            progress=show,
         )
     for line in lines(found):
         console.say(line)
@@ -89,7 +98,7 @@ def lines(found: SequenceResult) -> list[str]:
         return [*out, f"no order was found: {count} in every direction that was tried; others may be free"]
     what = f"in the state of {', '.join(found.remaining)} somebody has to hold {', '.join(found.falling)}"
     if found.status == "budget":
-        return [f"no order was found in {found.states} states; raise --states, or --holders ({what})"]
+        return [f"no order was found in {found.states} states; raise --states, --seconds or --holders ({what})"]
     return [f"no order exists with so few holders: {what}"]
 
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -21,6 +22,8 @@ from mocca_robot.motion.parts_graph import PartsGraph
 from planners.order.exits import Exits, State
 from planners.order.held_parts import LARGE, HeldParts
 
+Progress = Callable[[str], None]
+"""Told how many states were examined, and the supports of the best order so far."""
 CANDIDATES = 6
 """Parts that could leave next, highest first, of which the best is taken."""
 
@@ -115,18 +118,24 @@ def find_sequence(
     friction: float = 0.0,
     directions: int = 0,
     states: int = 2000,
+    seconds: float | None = None,
+    progress: Progress | None = None,
 ) -> SequenceResult:
     """Return an order in which every part goes in inside a cone of half-angle `graph.assembly.alpha_rad`.
 
     Among the orders the one that needs fewest supports (parts held, summed over the states) comes first; with
     `holders` no state may need more than that many at once. Besides the axis of each part's cone, `directions` evenly
     spread ones are tried (default 36 flat, 120 solid). A first order is found by taking away what lies highest; when it
-    needs supports, others are searched until `states` states were seen, then the best order so far is returned without
-    a proof that it needs fewest; with none so far the answer is BUDGET.
-    InputError when `holders` is negative.
+    needs supports, others are searched until `states` states were seen, or for `seconds` once there is a first answer;
+    then the best order so far is returned without a proof that it needs fewest. With none so far the answer is BUDGET.
+    `seconds` makes the answer depend on the machine; without them it does not. InputError when `holders` or `seconds`
+    is negative.
     """
     if holders is not None and holders < 0:
         raise InputError(f"holders is {holders}; give 0 or more.")
+    if seconds is not None and seconds < 0.0:
+        raise InputError(f"seconds is {seconds:g}; give 0 or more.")
+    until = None if seconds is None else time.monotonic() + seconds
     assembly = graph.assembly
     exits = Exits(graph=graph, count=directions or (36 if assembly.dimension == 2 else 120))
     statics = HeldParts(graph, friction)
@@ -142,7 +151,25 @@ def find_sequence(
             remaining=tuple(o.part for o in obstacles),
             proven=all(exits.proven[p] for p in locked),
         )
-    return _search(assembly, exits, statics, holders, states)
+    return _search(assembly, exits, statics, holders, _Budget(states, until, progress))
+
+
+@dataclass(frozen=True)
+class _Budget:
+    """How long others are searched: up to a number of states, and a moment of `time.monotonic`."""
+
+    states: int
+    until: float | None
+    progress: Progress | None
+
+    def used(self, seen: int) -> bool:
+        """Return whether no further state may be examined."""
+        return seen >= self.states or (self.until is not None and time.monotonic() >= self.until)
+
+    def tell(self, seen: int, best: int | None) -> None:
+        if self.progress is not None:
+            order = "no order yet" if best is None else f"best order so far: {best} supports"
+            self.progress(f"{seen} states, {order}")
 
 
 def _deadlocked(exits: Exits) -> State:
@@ -155,7 +182,9 @@ def _deadlocked(exits: Exits) -> State:
         there = there - {leaving}
 
 
-def _search(assembly: Assembly, exits: Exits, statics: HeldParts, holders: int | None, budget: int) -> SequenceResult:
+def _search(
+    assembly: Assembly, exits: Exits, statics: HeldParts, holders: int | None, budget: _Budget
+) -> SequenceResult:
     """Return the better of what taking away from the top finds and of a uniform-cost search from the whole assembly to
     its fixed parts, the cost being the supports of all states passed.
 
@@ -177,7 +206,8 @@ def _search(assembly: Assembly, exits: Exits, statics: HeldParts, holders: int |
         cost, _, _, counted, there, removed = heapq.heappop(queue)
         if there in seen:
             continue
-        if len(seen) >= budget:
+        budget.tell(len(seen), best)
+        if budget.used(len(seen)):
             if order is not None:
                 return _found(names, exits, statics, order, fewest=False)
             return _stopped(SequenceStatus.BUDGET, names, statics, stuck)

@@ -231,3 +231,23 @@ def test_the_order_found_can_be_written_and_gone_on_with(tmp_path: Path, capsys:
     locked = write_assembly(ring_with_core(), tmp_path / "locked.json")
     assert main(["sequence", str(locked), "-o", str(tmp_path / "none.json")]) == 1
     assert not (tmp_path / "none.json").exists()
+
+
+def test_a_search_that_runs_out_of_time_returns_the_best_order_so_far_without_a_proof() -> None:
+    told: list[str] = []
+    whole = find_sequence(PartsGraph.of(bridge()), progress=told.append)
+    assert told and all("states" in line for line in told)
+    first = find_sequence(PartsGraph.of(bridge()), seconds=0.0)
+    assert first.status is SequenceStatus.FOUND
+    assert not first.fewest
+    assert first.supports >= whole.supports
+    assert len(first.placements) == len(whole.placements)
+
+
+def test_time_that_is_up_is_no_proof_that_there_is_no_order() -> None:
+    # In no time at all nothing but the first order is looked at, which needs somebody.
+    none = find_sequence(PartsGraph.of(bridge()), holders=0, seconds=0.0)
+    assert none.status is SequenceStatus.BUDGET
+    assert none.placements == ()
+    with pytest.raises(InputError, match="seconds is -1"):
+        find_sequence(PartsGraph.of(bridge()), seconds=-1.0)
