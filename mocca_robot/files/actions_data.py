@@ -143,13 +143,27 @@ def _pressure(data: Mapping[str, Any], name: str, parts: Sequence[Part], unit_m:
     names = () if "parts" not in data else fields.names(data["parts"], f"{where}: parts")
     for part in names:
         _loaded(part, parts, where)
+    pressed = [p for p in parts if (p.name in names if names else not p.fixed)]
     return Pressure(
         name=name,
         pressure_pa=quantity(data["pressure"], PRESSURE, f"{where}: pressure"),
         facing=None if "facing" not in data else direction(data["facing"], f"{where}: facing", d),
         parts=names,
-        within=None if "within" not in data else read_only(fields.box(data["within"], f"{where}: within", d) * unit_m),
+        within=None if "within" not in data else _box(data["within"], pressed, d, unit_m, f"{where}: within"),
     )
+
+
+def _box(value: object, parts: Sequence[Part], d: int, unit_m: float, where: str) -> Array:
+    """Return a box (2, d) in metres, low and high corner, that one of the parts at least reaches into."""
+    box = fields.box(value, where, d) * unit_m
+    bounds = np.array([p.shape.bounds for p in parts]).reshape(-1, 2, d)
+    slack = SURE_M * np.ptp(bounds, axis=(0, 1)).max() if parts else 0.0
+    reached = ((bounds[:, 0] <= box[1] + slack) & (bounds[:, 1] >= box[0] - slack)).all(axis=1)
+    if parts and not reached.any():
+        low, high = (bounds[:, 0].min(axis=0) / unit_m, bounds[:, 1].max(axis=0) / unit_m)
+        corners = ", ".join(f"[{', '.join(f'{x:.6g}' for x in corner)}]" for corner in (low, high))
+        raise InputError(f"{where} is {value}, where none of its parts is; these lie within [{corners}].")
+    return read_only(box)
 
 
 def _loaded(value: object, parts: Sequence[Part], where: str) -> Part:

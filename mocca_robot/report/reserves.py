@@ -21,6 +21,8 @@ def factor_words(found: LoadFactor) -> str:
     when = f" just after placing '{found.placed}'" if found.placed else ""
     if found.factor is None:
         return f"how much of '{found.name}' it takes{when} is not decided: the solver was inaccurate"
+    if found.steps == 0:
+        return f"'{found.name}': presses on nothing that can move; look at its place and its direction"
     if math.isinf(found.factor):
         return f"'{found.name}': any amount stands"
     names = ", ".join(f"'{name}'" for name in found.moving[:4]) + (", …" if len(found.moving) > 4 else "")
@@ -76,7 +78,7 @@ def reserves(data: ReportData) -> str:
 
 
 def _figure(found: LoadFactor | None) -> str:
-    if found is None or found.factor is None:
+    if found is None or found.factor is None or found.steps == 0:
         return "–"
     return "∞" if math.isinf(found.factor) else significant(found.factor, 4)
 

@@ -45,7 +45,7 @@ class LoadFactor:
         bound: with friction, a factor beyond which no forces hold it; below it nothing need bring them about. Else λ.
         motions: (N, dof) how it falls just beyond; zero when nothing falls.
         moving: names of the parts that move then.
-        steps: problems solved.
+        steps: problems solved; 0 where the load presses on nothing that can move.
         placed: the part just placed in the state that this is about; '' = the finished structure.
     """
 

@@ -79,6 +79,14 @@ def test_a_place_on_a_solid_is_in_or_on_it(at: tuple[float, float, float]) -> No
         assert f"is {away:.4g} away from part 'cube'" in str(refused.value)
 
 
+@pytest.mark.parametrize("within", [[[0, -2000], [400, -1]], [[200, 1500], [400, 2000]], [[5000, 0], [9000, 1000]]])
+def test_a_box_without_parts_is_refused_with_where_they_are(within: list[list[float]]) -> None:
+    snow = EVERY_KIND[3] | {"within": within}
+    with pytest.raises(InputError, match="none of its parts") as refused:
+        actions_from_data([snow], PARTS, 1e-3, "loads")
+    assert "[[0, 0], [1000, 1000]]" in str(refused.value)
+
+
 def test_names_are_unique_and_needed() -> None:
     with pytest.raises(InputError, match="two loads are called 'worker'"):
         actions_from_data([EVERY_KIND[7]] * 2, PARTS, 1.0, "loads")

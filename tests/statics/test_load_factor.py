@@ -24,6 +24,7 @@ from mocca_robot.actions import (
 from mocca_robot.assembly import Assembly, Part, Polygon
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
+from mocca_robot.report.reserves import factor_words
 from mocca_robot.statics.applied import applied_wrenches, combined
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.load_factor import load_factors
@@ -172,6 +173,18 @@ def test_what_stands_in_front_shelters_from_the_wind() -> None:
     against = applied_wrenches(graph, replace(wind, towards=np.array([-1.0, 0.0])))
     assert against[1] == pytest.approx([0.0, 0.0, 0.0])
     assert against[2] == pytest.approx([-30.0, 0.0, 45.0])
+
+
+def test_a_load_that_meets_nothing_is_not_said_to_be_carried() -> None:
+    """The ground covers the face that looks down: 'any amount stands' would be a verdict about nothing."""
+    (found,) = load_factors(
+        PartsGraph.of(carrying(WALL, Pressure(name="p", pressure_pa=1e3, facing=np.array([0.0, -1.0]))))
+    )
+    assert found.steps == 0 and "presses on nothing" in factor_words(found)
+    (found,) = load_factors(
+        PartsGraph.of(carrying(WALL, Pressure(name="p", pressure_pa=1e3, facing=np.array([0.0, 1.0]))))
+    )
+    assert found.steps > 0 and "any amount stands" in factor_words(found)
 
 
 @pytest.mark.parametrize("towards", [0.0, 30.0, 45.0, 90.0])
