@@ -160,9 +160,8 @@ def _box(value: object, parts: Sequence[Part], d: int, unit_m: float, where: str
     slack = SURE_M * np.ptp(bounds, axis=(0, 1)).max() if parts else 0.0
     reached = ((bounds[:, 0] <= box[1] + slack) & (bounds[:, 1] >= box[0] - slack)).all(axis=1)
     if parts and not reached.any():
-        low, high = (bounds[:, 0].min(axis=0) / unit_m, bounds[:, 1].max(axis=0) / unit_m)
-        corners = ", ".join(f"[{', '.join(f'{x:.6g}' for x in corner)}]" for corner in (low, high))
-        raise InputError(f"{where} is {value}, where none of its parts is; these lie within [{corners}].")
+        around = _corners(bounds[:, 0].min(axis=0) / unit_m, bounds[:, 1].max(axis=0) / unit_m)
+        raise InputError(f"{where} is {value}, where none of its parts is; these lie within {around}.")
     return read_only(box)
 
 
@@ -184,12 +183,19 @@ def _inside(value: object, part: Part, unit_m: float, where: str) -> Array:
         import shapely
 
         outside = float(to_shapely(part.shape).distance(shapely.Point(point)))
+    up = "y" if part.shape.dimension == 2 else "z"
+    otherwise = ", or leave it out for the centre of mass" if where.endswith(": at") else ""
     if outside > SURE_M * size:
         raise InputError(
-            f"{where} is {outside / unit_m:.4g} away from part '{part.name}'; give a place in or on it, or leave "
-            "it out for the centre of mass."
+            f"{where} is {outside / unit_m:.4g} away from part '{part.name}', which lies within "
+            f"{_corners(*part.shape.bounds / unit_m)}, {up} up; give a place in or on it{otherwise}."
         )
     return read_only(point)
+
+
+def _corners(low: Array, high: Array) -> str:
+    """Return a box in words that can be typed: [[0, 0], [4, 1.1]]."""
+    return str([[int(x) if x == int(x) else x for x in np.round(corner, 6).tolist()] for corner in (low, high)])
 
 
 def _from_surface(mesh: Mesh, point: Array) -> float:

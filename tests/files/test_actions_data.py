@@ -51,6 +51,7 @@ def test_every_kind_is_read_in_its_units_and_written_back() -> None:
         ({"force": "-3 N"}, "more than 0"),
         ({"force": "nan N"}, "finite"),
         ({"at": [5000, 500]}, "4000 away from part 'plank'"),
+        ({"at": [5000, 500]}, "lies within [[0, 0], [1000, 1000]], y up"),
         ({"at": [1, 2, 3]}, "2 numbers"),
         ({"direction": "downwards"}, "'down'"),
         ({"direction": [0, 0]}, "usable length"),
