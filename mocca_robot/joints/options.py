@@ -28,6 +28,8 @@ class JointOptions:
         inset: share by which contacts are narrowed and joints flattened while designing, so that the built
             structure holds its loads with forces strictly inside its joints.
         alpha_margin_rad: insertion cone asked for beyond α while designing.
+        friction: Coulomb coefficient that a design may count on, divided by `friction_safety`; 0 = none.
+        friction_safety: factor on `friction`, at least 1.
     """
 
     kinds: tuple[str, ...] = ("n", "z", "frustum")
@@ -41,6 +43,8 @@ class JointOptions:
     tilt_margin_rad: float = float(np.deg2rad(1.0))
     inset: float = 0.02
     alpha_margin_rad: float = float(np.deg2rad(0.5))
+    friction: float = 0.0
+    friction_safety: float = 1.5
 
     @property
     def frusta(self) -> bool:
@@ -55,3 +59,8 @@ class JointOptions:
         as it, on flanks as wide, is half as high again.
         """
         return 1.5 * self.max_height
+
+    @property
+    def counted_friction(self) -> float:
+        """Return the coefficient that designing counts on."""
+        return self.friction / self.friction_safety

@@ -18,6 +18,7 @@ from mocca_robot.statics.batch import BatchResult, solve_cases
 from mocca_robot.statics.solver.system import ContactSystem
 from planners.cone_joints.energy import SMALL, each_case
 from planners.cone_joints.kinematic import Requirement
+from planners.cone_joints.rubbing import pushes
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.unknowns import JointParameters, JointProblem
 
@@ -108,9 +109,10 @@ def fit(problem: JointProblem, required: Requirement, start: JointParameters) ->
     best = np.full(len(problem.pairs), np.inf)
     chosen = np.full(len(problem.pairs), -1)
     for index, entry in enumerate(catalogue):
+        points, normals = pushes(shapes, entry.points, entry.normals)
         steepness = 1e-3 * float((entry.row[list(shapes.heights)] ** 2).sum())
         for e in np.flatnonzero(curved & entry.allowed):
-            rays = generalized_normals(entry.points[e] - shapes.centres[e], entry.normals[e], None, shapes.lengths[e])
+            rays = generalized_normals(points[e] - shapes.centres[e], normals[e], None, shapes.lengths[e])
             wanted = required.wrenches[:, e]
             size = np.linalg.norm(wanted, axis=1)
             heavy = np.argsort(-size)[:HEAVY_CASES]
@@ -132,7 +134,8 @@ def select(
     few = len(pairs) <= FEW_JOINTS
     leans = np.concatenate([np.zeros((1, shapes.n_lean)), *(s * 0.4 * np.eye(shapes.n_lean) for s in (1, -1) if few)])
     catalogue = entries(problem, start.axis, leans)
-    flat = shapes.rays(shapes.surface(np.tile(shapes.rest, (len(pairs), 1)), shapes.directions(start.lean)))
+    rest = shapes.surface(np.tile(shapes.rest, (len(pairs), 1)), shapes.directions(start.lean))
+    flat = pushes(shapes, *shapes.rays(rest))
     points, normals, owner, which = (
         [flat[0].reshape(-1, flat[0].shape[2])],
         [flat[1].reshape(-1, flat[1].shape[2])],
@@ -144,9 +147,10 @@ def select(
     for index, entry in enumerate(catalogue):
         use = np.flatnonzero(entry.allowed)
         kept = slice(None, None, 2)
-        points.append(entry.points[use][:, kept].reshape(-1, points[0].shape[1]))
-        normals.append(entry.normals[use][:, kept].reshape(-1, points[0].shape[1]))
-        owner.append(np.repeat(use, entry.points[use][:, kept].shape[1]))
+        pushed = pushes(shapes, entry.points[:, kept], entry.normals[:, kept])
+        points.append(pushed[0][use].reshape(-1, points[0].shape[1]))
+        normals.append(pushed[1][use].reshape(-1, points[0].shape[1]))
+        owner.append(np.repeat(use, pushed[0].shape[1]))
         which.append(np.full(len(owner[-1]), index))
     owners, shape_of = np.concatenate(owner), np.concatenate(which)
     loads = problem.loads.only(cases)

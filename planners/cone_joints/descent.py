@@ -18,6 +18,7 @@ from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.tolerances import MARGIN_SOLVED, VIOLATED
 from planners.cone_joints.curvature import LARGE, Answer, Curvature, Products, Written, answered, unanswered
 from planners.cone_joints.energy import EnergyResult, energy, joint_wrenches
+from planners.cone_joints.rubbing import pushes
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.unknowns import JointParameters, JointProblem, UnknownsLayout
 
@@ -40,14 +41,15 @@ def evaluate(
     `inset` narrows each joint about its middle and lowers its bump by that share, for designing with a reserve.
     """
     surface = surface_of(problem, parameters)
-    points, normals = problem.shapes.rays(narrowed(problem.shapes, surface, inset))
+    rays = problem.shapes.rays(narrowed(problem.shapes, surface, inset))
+    points, normals = pushes(problem.shapes, *rays)
     return energy(problem.loads, problem.pairs, points, normals, moved_wrenches(problem, surface), warm)
 
 
 def evaluate_built(problem: JointProblem, parameters: JointParameters) -> EnergyResult:
     """Return E of every case with every facet that will be built, not only those that designing looks at."""
     surface = surface_of(problem, parameters)
-    points, normals = problem.shapes.all_rays(surface)
+    points, normals = pushes(problem.shapes, *problem.shapes.all_rays(surface))
     return energy(problem.loads, problem.pairs, points, normals, moved_wrenches(problem, surface))
 
 
@@ -191,7 +193,7 @@ def _scatter(balance: Array, part: IntArray, column: IntArray, change: Array) ->
 def _wrenches(problem: JointProblem, surface: Array, result: EnergyResult) -> Array:
     """Return (K, E, 2, dof): what each joint's forces and moved mass do to its two parts, over |w| of the case."""
     shapes, loads = problem.shapes, problem.loads
-    points, normals = shapes.rays(narrowed(shapes, surface, shapes.options.inset))
+    points, normals = pushes(shapes, *shapes.rays(narrowed(shapes, surface, shapes.options.inset)))
     return joint_wrenches(loads, problem.pairs, points, normals, result.forces, *shapes.transferred(surface))
 
 

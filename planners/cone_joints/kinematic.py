@@ -16,12 +16,12 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.cones import generalized_normals
-from mocca_robot.geometry.frames import tangents
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.solution import EquilibriumResult, solve_system
 from mocca_robot.statics.solver.system import ContactSystem
 from planners.cone_joints.energy import Loads
+from planners.cone_joints.rubbing import spread
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +57,7 @@ class Impossible:
 
 def fan(normals: Array, slopes: Sequence[float], turns: int = 8) -> Array:
     """Return (E, S, d) unit directions leaning from each normal by each of `slopes` radians, on all sides."""
-    across = tangents(normals)
-    if normals.shape[1] == 2:
-        sides = np.concatenate([across, -across], axis=1)
-    else:
-        angle = 2 * np.pi * np.arange(turns) / turns
-        sides = np.cos(angle)[:, None] * across[:, :1] + np.sin(angle)[:, None] * across[:, 1:]
+    sides = spread(normals, turns)
     fans = [np.cos(s) * normals[:, None] + np.sin(s) * sides for s in slopes]
     return np.concatenate(fans, axis=1)
 
@@ -74,12 +69,13 @@ def bound(
 
     Forces stand at the corners of the slab that contains every allowed joint, and lean by up to the largest slope
     from the contact's normal: a superset of what any joint can transmit, whatever the insertion directions.
-    In 3D the circular cone is replaced by an octagonal one around it. Masses are those of the input.
+    Friction that the design counts on lets them lean further. In 3D the circular cone is replaced by an octagonal one
+    around it. Masses are those of the input.
     """
     pairs, points, normals = [], [], []
     flat, contacts = graph.assembly.dimension == 2, graph.contacts
-    widen = 1.0 if flat else 1.0 / np.cos(np.pi / 8)
-    slope = float(np.arctan(np.tan(options.max_slope_rad) * widen))
+    rubs = float(np.arctan(options.counted_friction))
+    slope = _around(options.max_slope_rad + rubs, flat)
     highest = options.tallest_frustum if options.frusta and not flat else options.max_height
     for contact, curves in zip(contacts, can_curve):
         corners = contact.polygon
@@ -88,6 +84,8 @@ def bound(
             depth = highest * contact.measure ** (1.0 if flat else 0.5)
             corners = np.concatenate([corners + s * depth * contact.normal for s in (-1.0, 1.0)])
             directions = np.concatenate([directions, fan(contact.normal[None], [slope])[0]])
+        elif rubs > 0.0:
+            directions = np.concatenate([directions, fan(contact.normal[None], [_around(rubs, flat)])[0]])
         points.append(np.repeat(corners, len(directions), axis=0))
         normals.append(np.tile(directions, (len(corners), 1)))
         pairs.append(np.tile(contact.parts, (len(points[-1]), 1)))
@@ -106,6 +104,20 @@ def bound(
         if not result.stands and result.infeasibility > 1e-9:
             return Impossible(case, result.infeasibility, result.motions)
     return None
+
+
+def _around(angle_rad: float, flat: bool) -> float:
+    """Return how far the edges lean whose convex cone, with the normal, contains all directions within an angle.
+
+    Beyond a right angle that is every direction.
+    """
+    if angle_rad < ALL_DIRECTIONS:
+        return float(np.arctan(np.tan(angle_rad) * (1.0 if flat else 1.0 / np.cos(np.pi / 8))))
+    return float(max(angle_rad, np.pi - ALL_DIRECTIONS))
+
+
+ALL_DIRECTIONS = float(np.deg2rad(89.0))
+"""Lean from which a fan is taken to contain every direction."""
 
 
 def required_wrenches(

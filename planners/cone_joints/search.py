@@ -14,6 +14,7 @@ from planners.cone_joints.catalogue import fit, select
 from planners.cone_joints.descent import evaluate
 from planners.cone_joints.kinematic import required_wrenches
 from planners.cone_joints.realization import Polished, Polishing, polish
+from planners.cone_joints.rubbing import pushes, repeated
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.thinning import thin
 from planners.cone_joints.unknowns import JointParameters, JointProblem
@@ -237,6 +238,8 @@ def _attempts(
         allowed &= np.einsum("erd,ed->er", normals, axis) >= np.sin(problem.alpha_rad) - ANGLE_ROUNDING_RAD
     allowed |= prices == 0.0
     price = np.where(allowed, prices, 0.0)
+    points, normals = pushes(shapes, points, normals)
+    price, allowed = repeated(shapes, price), repeated(shapes, allowed)
     required = required_wrenches(shapes.contacts, points, normals, price, allowed, loads, _telling_cases(problem))
     fitted, first = fit(problem, required, start)
     yield Attempt.FEW, fitted, first

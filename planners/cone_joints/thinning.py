@@ -19,6 +19,7 @@ from mocca_robot.tolerances import CASE_SOLVED, MARGIN_SOLVED, VIOLATED
 from planners.cone_joints.descent import evaluate, moved_wrenches, narrowed, surface_of
 from planners.cone_joints.energy import each_case
 from planners.cone_joints.realization import Polished, as_it_is, polish
+from planners.cone_joints.rubbing import pushes, repeated
 from planners.cone_joints.unknowns import JointParameters, JointProblem
 
 PASSES = 10
@@ -106,9 +107,12 @@ def _concentrated(problem: JointProblem, parameters: JointParameters) -> tuple[J
     """Return `parameters` with every bump made planar that no force needs, and the sloped force (E,) of each joint."""
     shapes, pairs, loads = problem.shapes, problem.pairs, problem.loads
     surface = surface_of(problem, parameters)
-    points, normals = shapes.rays(narrowed(shapes, surface, shapes.options.inset))
+    rays_of = shapes.rays(narrowed(shapes, surface, shapes.options.inset))
+    flat = repeated(shapes, np.einsum("erd,ed->er", rays_of[1], shapes.normals) > 1.0 - 1e-9)
+    points, normals = pushes(shapes, *rays_of)
     planar = replace(parameters, curved=np.zeros_like(parameters.curved))
-    flat_points, flat_normals = shapes.rays(narrowed(shapes, surface_of(problem, planar), shapes.options.inset))
+    rays_of = shapes.rays(narrowed(shapes, surface_of(problem, planar), shapes.options.inset))
+    flat_points, flat_normals = pushes(shapes, *rays_of)
     rays = points.shape[1]
     both = np.concatenate([points, flat_points], axis=1).reshape(-1, points.shape[2])
     directions = np.concatenate([normals, flat_normals], axis=1).reshape(-1, points.shape[2])
@@ -116,7 +120,6 @@ def _concentrated(problem: JointProblem, parameters: JointParameters) -> tuple[J
     owner = np.repeat(np.arange(len(pairs)), 2 * rays)
     system = ContactSystem.build(pairs[owner], both, directions, free, loads.about, loads.length)
     wrenches = moved_wrenches(problem, surface)[:, free].reshape(len(loads.gravity), -1) / loads.scale[:, None]
-    flat = np.einsum("erd,ed->er", normals, shapes.normals) > 1.0 - 1e-9
     sloped = np.concatenate([~flat, np.zeros_like(flat)], axis=1).ravel()
     # Equal prices would leave equal joints of a symmetric structure equally used, all of them.
     weight: Array = np.exp(UNEVEN * np.random.default_rng(0).standard_normal(len(pairs)))
