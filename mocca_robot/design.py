@@ -28,6 +28,19 @@ class CaseResult:
     infeasibility_after: float
 
 
+@dataclass(frozen=True)
+class CountedFriction:
+    """The friction that a design counts on: Coulomb's `coefficient` as declared, and `counted`, reduced for safety."""
+
+    coefficient: float
+    counted: float
+
+    @property
+    def words(self) -> str:
+        """Return it as it is told."""
+        return f"counts on friction of {self.counted:.3g}, where it is {self.coefficient:g}"
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
     """A designed assembly.
@@ -40,6 +53,7 @@ class Design:
         load_cases: every case the goals ask for.
         seconds: wall time by stage.
         notes: what a reader should know: contacts too small for a joint, parts that need support, …
+        friction: what it counts on; None for none.
     """
 
     source: Assembly
@@ -49,3 +63,9 @@ class Design:
     load_cases: tuple[CaseResult, ...]
     seconds: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    friction: CountedFriction | None = None
+
+    @property
+    def judged_friction(self) -> float:
+        """Return the coefficient with which it is judged: that which it counts on as declared, or none."""
+        return 0.0 if self.friction is None else self.friction.coefficient

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from mocca_robot.cli import reasons
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode, positive_if
 from mocca_robot.cli.stages import DesignOutcome
+from mocca_robot.design import Design
 from mocca_robot.errors import quoted
 from mocca_robot.report import reserves, tilt_words
 from mocca_robot.report.case_words import goal_words
@@ -61,10 +63,12 @@ def say_verdicts(outcome: DesignOutcome, console: Console) -> None:
     """Say what statics, geometry and physics found."""
     design = outcome.design
     if design.source is not design.assembly:
-        console.say(f"input:     {_standing(outcome.before.cases)}")
+        console.say(f"input:     {_standing(outcome.before.cases, design)}")
     curved = sum(not j.is_planar for j in design.joints)
     joints = f"; {curved} of {len(design.joints)} joints curved" if design.joints and curved else ""
-    console.say(f"statics:   {_standing(outcome.after.cases)}{joints}")
+    console.say(f"statics:   {_standing(outcome.after.cases, design)}{joints}")
+    if design.friction is not None:
+        console.say(f"friction:  the design {design.friction.words}")
     insertions = outcome.after.insertions
     if insertions:
         tightest = min(insertions, key=lambda i: i.alpha_rad)
@@ -141,6 +145,7 @@ def document(outcome: DesignOutcome, supports: tuple[str, ...]) -> dict[str, Any
         "insertions": reasons.insertions_data(outcome.after.insertions),
         "part_overlap": outcome.after.part_overlap,
         "simulation": {k: v for k, v in simulation.items() if k not in ("states", "insertion")} or None,
+        "friction": None if outcome.design.friction is None else asdict(outcome.design.friction),
         "notes": _notes(outcome),
         "files": {kind: str(path) for kind, path in outcome.files.items()},
     }
@@ -151,7 +156,8 @@ def _notes(outcome: DesignOutcome) -> list[str]:
     return [*outcome.design.notes, *(r.text for r in outcome.remarks if not r.held)]
 
 
-def _standing(cases: Any) -> str:
+def _standing(cases: Any, design: Design) -> str:
+    rubbing = f"with friction {design.friction.coefficient:g}" if design.friction else "without friction"
     stand = sum(c.result.stands for c in cases)
     worst = max(
         (c for c in cases if not c.result.stands),
@@ -159,5 +165,5 @@ def _standing(cases: Any) -> str:
         default=None,
     )
     if worst is None:
-        return f"stands, {stand} of {len(cases)} load cases in equilibrium without friction"
+        return f"stands, {stand} of {len(cases)} load cases in equilibrium {rubbing}"
     return f"{stand} of {len(cases)} load cases in equilibrium; {quoted(worst.moving, 4)} would move"

@@ -71,6 +71,7 @@ def _value(value: EffectiveValue, config: Config) -> Any:
         "alpha_deg": None if alpha is None else degrees(alpha),
         "gravity": assembly.gravity.tolist(),
         "insertion": {name: way.tolist() for name, way in config.insertion.items()} or None,
+        **({"friction": float(config.friction)} if value.origin == "default" else {}),
         "simulate.friction": config.simulate.friction,
     }
     return derived.get(value.key, value.value)

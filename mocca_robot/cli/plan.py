@@ -44,7 +44,9 @@ def add(commands: Any) -> None:
         help="parts that a cradle made to the design holds at their place once they are let go; 'all' for every part",
     )
     parser.add_argument("--size", type=float, metavar="M", help="longest side of the structure (default: the cell's)")
-    parser.add_argument("--friction", type=float, default=0.0, metavar="MU", help="Coulomb coefficient (default 0)")
+    parser.add_argument(
+        "--friction", type=float, metavar="MU", help="Coulomb coefficient (default: what the design counts on, or 0)"
+    )
     parser.add_argument("--seed", type=int, default=0, help="seed of the random ways that are tried (default 0)")
     parser.add_argument(
         "--partial", action="store_true", help="when a part cannot be placed, write the plan of the parts before it"
@@ -83,12 +85,14 @@ def run(args: argparse.Namespace) -> int:
     supports, cradles = (
         names if said == "all" else [n for n in said.split(",") if n] for said in (args.supports, args.cradles)
     )
+    counted = 0.0 if design.friction is None else design.friction.coefficient
+    friction = counted if args.friction is None else args.friction
     with console.stage("plan") as doing:
         built = build_plan(
             design,
             cell,
             file_sha256(source),
-            friction=args.friction,
+            friction=friction,
             supports=supports,
             cradles=cradles,
             seed=args.seed,

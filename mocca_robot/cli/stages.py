@@ -28,6 +28,7 @@ from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report.case_words import case_words
 from mocca_robot.statics.cases import CaseVerdict, solve_case
 from mocca_robot.statics.loads import state_cases
+from mocca_robot.statics.materials import Friction
 from mocca_robot.statics.mobility import mobility
 from mocca_robot.statics.tilt_reserve import TiltReserve, tilt_reserve
 from mocca_robot.verdicts.agreement import Remark, remarks
@@ -101,6 +102,7 @@ def design_joints(config: Config, contacts: ContactReport, folder: Path, console
     from planners.cone_joints.largest_tilt import design_as_asked
 
     insertion = dict(config.insertion) or None
+    require_friction(config)
     if np.isinf(config.joints.tilt_margin_rad):
         with console.stage("climb") as show:
             return design_as_asked(
@@ -141,10 +143,22 @@ def design_joints(config: Config, contacts: ContactReport, folder: Path, console
     return result
 
 
+def require_friction(config: Config) -> None:
+    """Raise InputError where joints count on more friction than the parts are said to have."""
+    told = config.friction
+    least = min((mu for _, mu in told.table), default=float(told)) if isinstance(told, Friction) else told
+    if config.joints.friction > least:
+        raise InputError(
+            f"joints.friction is {config.joints.friction:g}, but friction says that it may be only {least:g}; "
+            f"write joints: {{friction: {least:g}}}."
+        )
+
+
 def find_largest_tilt(config: Config, contacts: ContactReport, console: Console) -> LargestTilt:
     """Return the design at the largest tilt that is found, and what is known beyond it."""
     from planners.cone_joints.largest_tilt import largest_tilt
 
+    require_friction(config)
     with console.stage("climb") as show:
         return largest_tilt(
             config.assembly,
@@ -274,6 +288,8 @@ def with_reserve(
     A design that misses it is a negative verdict where somebody wrote down how large it has to be; the default is a
     wish.
     """
+    if outcome.design.friction is not None:  # the reserve is one without friction
+        return outcome
     with console.stage("reserve"):
         found = tilt_reserve(outcome.after.graph, config.joints.tilt_margin_rad, config.simulate.azimuths)
     if found is None:
@@ -327,14 +343,16 @@ def _design_of(stored: StoredDesign) -> Design:
         load_cases=stored.load_cases,
         seconds=dict(stored.seconds),
         notes=stored.notes,
+        friction=stored.friction,
     )
 
 
 def _judged(design: Design) -> DesignOutcome:
     directions = {i.part: i.direction for i in design.insertion}
-    after = verify(design.assembly, directions=directions)
-    before = after if design.source is design.assembly else verify(design.source)
-    states = tuple(solve_case(after.graph, case) for case in state_cases(after.graph))
+    mu = design.judged_friction
+    after = verify(design.assembly, directions=directions, friction=mu)
+    before = after if design.source is design.assembly else verify(design.source, friction=mu)
+    states = tuple(solve_case(after.graph, case, mu) for case in state_cases(after.graph))
     findings = reasons.statics_findings(design.assembly, after)
     if design.source is not design.assembly:
         findings += reasons.overlap_findings(design.assembly, after)
@@ -371,9 +389,7 @@ def simulate_design(
     return replace(outcome, findings=findings), found.interrupted
 
 
-def write_pages(
-    outcome: DesignOutcome, config: Config, folder: Path, console: Console, friction: float = 0.0
-) -> DesignOutcome:
+def write_pages(outcome: DesignOutcome, config: Config, folder: Path, console: Console) -> DesignOutcome:
     """Return the outcome with its report written."""
     from mocca_robot.report.data import collect
     from mocca_robot.report.page import write_report
@@ -389,7 +405,7 @@ def write_pages(
             parameters=parameters(config),
             negative=[f.text for f in outcome.findings],
             warnings=config.notes,
-            friction=friction,
+            friction=outcome.design.judged_friction,
             reserve=outcome.reserve,
         )
         path = write_report(folder / "report.html", data)

@@ -119,9 +119,9 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
     given = _top_level(written, where, unit_m)
     assembly = _assembly(model, given, where, unit_m)
     simulate = read_section(schema.KEYS, given.get("simulate", {}), "simulate", where, unit_m)
-    friction = _friction(given, assembly, where)
-    simulate.setdefault("friction", friction)
     joints = read_section(schema.KEYS, given.get("joints", {}), "joints", where, unit_m)
+    friction = _friction(given, assembly, where, joints.get("friction", model.friction))
+    simulate.setdefault("friction", friction)
     cut = read_section(schema.KEYS, given.get("cut", {}), "cut", where, unit_m)
     return Config(
         assembly=assembly,
@@ -138,9 +138,9 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
     )
 
 
-def _friction(given: Mapping[str, Any], assembly: Assembly, where: str) -> float:
+def _friction(given: Mapping[str, Any], assembly: Assembly, where: str, default: float) -> float:
     """Return the coefficient, with its table of materials and the declared clamping where there are any."""
-    friction: float = given.get("friction", 0.0)
+    friction: float = given.get("friction", default)
     require_materials(friction, assembly.parts, f"{where}: friction")
     if "clamping" not in given:
         return friction

@@ -30,6 +30,7 @@ class Model:
         insertion: insertion directions that the model states, by part.
         notes: what was repaired or left out.
         bodies: names in the file that hold several parts → these parts.
+        friction: Coulomb coefficient that a design counts on; 0 for none.
     """
 
     assembly: Assembly
@@ -39,6 +40,7 @@ class Model:
     insertion: Mapping[str, Array] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     bodies: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    friction: float = 0.0
 
 
 _SOLID = "export the parts as OBJ, one object each"
@@ -171,6 +173,7 @@ def _from_json(path: Path, units: str | None, scale: float) -> Model:
             given=frozenset(given),
             insertion=insertion,
             notes=design.notes,
+            friction=0.0 if design.friction is None else design.friction.coefficient,
         )
     if found == ASSEMBLY.name:
         file = assembly_json.read_assembly(path)

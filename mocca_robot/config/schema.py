@@ -138,7 +138,7 @@ KEYS: tuple[Key, ...] = (
         0.0,
         "",
         "Coulomb coefficient, or one per pair of materials such as `{wood-wood: 0.4, wood-steel: 0.2}`, used for "
-        "analysis and comparison; the design itself does not rely on friction.",
+        "analysis and comparison; default: `joints.friction`, all that a design relies on.",
         low=0.0,
         high=10.0,
     ),
@@ -262,6 +262,24 @@ KEYS: tuple[Key, ...] = (
         "Insertion cone asked for beyond `alpha_deg` while designing, as a reserve.",
         low=0.0,
         high=45.0,
+    ),
+    Key(
+        "joints.friction",
+        "number",
+        _J.friction,
+        "",
+        "Coulomb coefficient that the design may count on, reduced by `friction_safety`: fewer and shallower joints.",
+        low=0.0,
+        high=10.0,
+    ),
+    Key(
+        "joints.friction_safety",
+        "number",
+        _J.friction_safety,
+        "",
+        "Factor by which the design counts on less friction than `joints.friction`.",
+        low=1.0,
+        high=100.0,
     ),
     Key("simulate", "mapping", None, "", "Settings of the physics simulation, see below."),
     Key(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Equilibrium, Interlocking
-from mocca_robot.design import CaseResult, Design, Insertion
+from mocca_robot.design import CaseResult, CountedFriction, Design, Insertion
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.assembly_json import (
@@ -30,7 +30,7 @@ from mocca_robot.files.versions import ASSEMBLY, DESIGN
 
 KEYS = (
     *("format", "version", "units", "dimension", "name", "gravity", "parts", "sequence", "insertion", "joints"),
-    *("load_cases", "features", "seconds", "notes", "source"),
+    *("load_cases", "features", "seconds", "notes", "friction", "source"),
 )
 
 
@@ -65,6 +65,7 @@ class StoredDesign:
         features: kinds of the goals.
         seconds: wall time by stage.
         notes: what a reader should know.
+        friction: what it counts on; None for none.
     """
 
     path: Path
@@ -76,6 +77,7 @@ class StoredDesign:
     features: tuple[str, ...]
     seconds: Mapping[str, float]
     notes: tuple[str, ...]
+    friction: CountedFriction | None = None
 
 
 def write_design(design: Design, folder: str | Path) -> Path:
@@ -126,6 +128,7 @@ def design_to_data(design: Design, built: Mapping[str, str], source: Mapping[str
         "features": list(features(design.source)),
         "seconds": {key: float(value) for key, value in design.seconds.items()},
         "notes": list(design.notes),
+        **({} if design.friction is None else {"friction": asdict(design.friction)}),
         "source": assembly_to_data(design.source, source),
     }
 
@@ -188,6 +191,7 @@ def read_design(path: str | Path) -> StoredDesign:
             for k, v in fields.mapping(data.get("seconds", {}), f"{where}: seconds").items()
         },
         notes=tuple(notes),
+        friction=_friction(data["friction"], f"{where}: friction") if data.get("friction") is not None else None,
     )
 
 
@@ -201,6 +205,12 @@ def _entries(data: object, where: str, keys: tuple[str, ...]) -> list[dict[str, 
             if key not in entry:
                 raise InputError(f'{where}[{k}] has no "{key}"; the file is incomplete. Run the design again.')
     return data
+
+
+def _friction(data: object, where: str) -> CountedFriction:
+    (entry,) = _entries([data], where, ("coefficient", "counted"))
+    coefficient = fields.number(entry["coefficient"], f"{where}.coefficient", 0.0, 10.0)
+    return CountedFriction(coefficient, fields.number(entry["counted"], f"{where}.counted", 0.0, coefficient))
 
 
 def _texts(data: object, where: str) -> tuple[str, ...]:

@@ -65,14 +65,15 @@ def film_figure(data: ReportData) -> str:
 
 
 def tilt_figure(data: ReportData) -> str | None:
-    """Return the frictionless critical tilt, statics beside MuJoCo, as SVG; None when none was computed."""
+    """Return the critical tilt, statics beside physics, as SVG; None when none was computed."""
+    mu = data.design.judged_friction
     series = []
-    if mine := [t for t in data.tilts if t.friction == 0.0]:
+    if mine := [t for t in data.tilts if t.friction == mu]:
         azimuths, angles = tuple(t.azimuth_rad for t in mine), tuple(t.after_rad for t in mine)
         series.append(TiltSeries("statics", "statics", azimuths, angles))
-    if found := [t for t in data.simulation.tilt if t.friction == 0.0] if data.simulation else []:
+    if found := [t for t in data.simulation.tilt if t.friction == mu] if data.simulation else []:
         azimuths, angles = tuple(t.azimuth_rad for t in found), tuple(t.critical_rad for t in found)
-        series.append(TiltSeries("MuJoCo", "physics", azimuths, angles))
+        series.append(TiltSeries("friction engine" if mu else "MuJoCo", "physics", azimuths, angles))
     if not series:
         return None
     return stand_alone(tilt_plot(series, data.design.assembly.dimension, asked_tilt(data)))

@@ -97,9 +97,13 @@ def tilt_gaps(data: ReportData) -> tuple[float, ...]:
 
 
 def smallest_tilt(data: ReportData) -> tuple[float, float, str] | None:
-    """Return (tilt, azimuth, source) of the smallest frictionless critical tilt, radians; None when unknown."""
-    known = [(t.after_rad, t.azimuth_rad, "statics") for t in data.tilts if t.friction == 0.0]
+    """Return (tilt, azimuth, source) of the smallest critical tilt, radians; None when unknown.
+
+    With the friction that the design is judged with.
+    """
+    mu = data.design.judged_friction
+    known = [(t.after_rad, t.azimuth_rad, "statics") for t in data.tilts if t.friction == mu]
     if data.simulation is not None:
-        simulated = [t for t in data.simulation.tilt if t.friction == 0.0]
+        simulated = [t for t in data.simulation.tilt if t.friction == mu]
         known += [(t.critical_rad, t.azimuth_rad, called(data.simulation.engine_of(t))) for t in simulated]
     return min(known, default=None)

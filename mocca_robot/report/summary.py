@@ -43,6 +43,7 @@ def summary(data: ReportData) -> str:
 def _sentence(data: ReportData) -> str:
     before, after = _fallen(data.before), _fallen(data.after)
     name = esc(data.design.assembly.name)
+    counted = "" if data.design.friction is None else f" It {data.design.friction.words}."
     if not after and before and _only_locking(data):
         return (
             f"<b>{name}</b> comes apart with flat contacts ({listed(before[0].moving, 4)} would move). With the "
@@ -52,10 +53,11 @@ def _sentence(data: ReportData) -> str:
         return (
             f"<b>{name}</b> falls with flat contacts ({esc(case_words(before[0].case.name))}: "
             f"{listed(before[0].moving, 4)} would move). With the designed joints it stands, "
-            f"without glue, screws or friction{_short(data)}."
+            f"without glue{' or screws' if counted else ', screws or friction'}{_short(data)}.{counted}"
         )
     if not after:
-        return f"<b>{name}</b> stands with the designed joints; it would stand with flat contacts, too{_short(data)}."
+        flat = "it would stand with flat contacts, too"
+        return f"<b>{name}</b> stands with the designed joints; {flat}{_short(data)}.{counted}"
     worst = max(after, key=lambda c: np.nan_to_num(c.result.infeasibility, nan=1.0))
     return (
         f"<b>{name}</b> does not hold {plural(len(after), 'load case')}; the worst is "
@@ -159,8 +161,9 @@ def _margin(data: ReportData) -> str:
         return card("none", question, "Key held", words)
     flat = data.design.assembly.dimension == 2
     where = ("right" if math.cos(azimuth) >= 0 else "left") if flat else f"azimuth {degrees(azimuth, 0)}"
-    words = f"smallest critical tilt, towards {where} (by {source}, no friction)"
-    before = [t.before_rad for t in data.tilts if t.before_rad is not None and t.friction == 0.0]
+    mu = data.design.judged_friction
+    words = f"smallest critical tilt, towards {where} (by {source}, {f'friction {mu:g}' if mu else 'no friction'})"
+    before = [t.before_rad for t in data.tilts if t.before_rad is not None and t.friction == mu]
     words += f"; the input: {degrees(min(before))}" if before else ""
     if data.reserve is not None and data.reserve.missed:
         words += f"; asked for {degrees(data.reserve.asked_rad)}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,7 +56,7 @@ def joineries(
     Flat: planar contacts; tenons along each part's way out; cone joints. Solid: planar contacts; mortise and tenon
     along every contact's normal; cone joints; mortise and tenon derived from those. Raises InputError like `design`.
     """
-    options = options or JointOptions()
+    options = replace(options or JointOptions(), friction=0.0)  # the others count on none either
     report = contacts or find_contacts(assembly)
     require_sound(assembly, report)
     graph = PartsGraph.of(assembly, report.contacts)

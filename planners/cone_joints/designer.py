@@ -25,6 +25,7 @@ from mocca_robot.tolerances import ANGLE_ROUNDING_RAD, CASE_HELD, CASE_SOLVED, M
 from planners.cone_joints.building import build
 from planners.cone_joints.descent import evaluate
 from planners.cone_joints.energy import Loads
+from planners.cone_joints.friction_design import counting_on_friction
 from planners.cone_joints.kinematic import Impossible, bound
 from planners.cone_joints.passage import Outcome, WayOpener, closed_ways
 from planners.cone_joints.realization import Polished
@@ -74,7 +75,6 @@ class Designed:
     tight: tuple[TightJoint, ...] = ()
 
 
-@with_one_blas_thread
 def design(
     assembly: Assembly,
     options: JointOptions | None = None,
@@ -104,12 +104,45 @@ def design(
 
     Raises InputError when parts overlap, float free, or none is fixed.
     """
-    started = time.perf_counter()
     options = options or JointOptions()
     if np.isinf(options.tilt_margin_rad):
         raise InputError(
             "tilt_margin_rad is infinite: call planners.design_as_asked, which looks for the largest margin."
         )
+
+    def once(with_options: JointOptions) -> Designed:
+        # What was kept belongs to the first coefficient of friction that is tried.
+        first = with_options is options
+        return _designed(
+            assembly,
+            with_options,
+            insertion=insertion,
+            contacts=contacts,
+            progress=progress,
+            resume=resume if first else None,
+            keep=keep if first else None,
+            near=near,
+            alone=alone,
+        )
+
+    return once(options) if options.friction == 0.0 else counting_on_friction(once, options)
+
+
+@with_one_blas_thread
+def _designed(
+    assembly: Assembly,
+    options: JointOptions,
+    *,
+    insertion: Mapping[str, Array] | None,
+    contacts: ContactReport | None,
+    progress: Progress | None,
+    resume: SearchState | None,
+    keep: Keep | None,
+    near: FoundJoints | None,
+    alone: bool,
+) -> Designed:
+    """Return the same by one search, which may count on `options.counted_friction`."""
+    started = time.perf_counter()
     report = contacts or find_contacts(assembly)
     require_sound(assembly, report)
     found = joint_contacts(assembly, report)
