@@ -115,7 +115,14 @@ class Shapes3D:
             single=single,
             can_curve=read_only(can_curve, np.bool_),
             kinds=(cls.rest_kind,) * len(contacts),
-            room=BumpRoom(assembly, tuple(contacts), single, can_curve, normals[pair], options),
+            room=BumpRoom(
+                assembly=assembly,
+                contacts=tuple(contacts),
+                single=single,
+                can_curve=can_curve,
+                u=normals[pair],
+                options=options,
+            ),
             limits=read_only(np.tile([-np.inf, np.inf], (len(contacts), 1))),
             corners=read_only(corners),
             options=options,
@@ -342,7 +349,7 @@ class Shapes3D:
         return bicubic_joint(contact, covered, height, u, self._segments)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BumpRoom:
     """How high bumps may get on every contact, worked out when it is first asked for.
 
