@@ -28,20 +28,22 @@ def counting_on_friction(design_with: Callable[[JointOptions], Designed], option
     """Return the first design that `design_with` makes and whose friction comes about, or the one without friction.
 
     `options.friction` is above zero. A design stands when every required case does with that coefficient and with the
-    reduced one. A search that fails or is interrupted is returned as it is: less friction would not help it.
+    reduced one. What is proven impossible with friction, or was interrupted, is returned as it is.
     """
     counted = options
     for _ in range(TRIES):
         found = design_with(counted)
         use = CountedFriction(options.friction, counted.counted_friction)
         kept = replace(found, design=replace(found.design, friction=use))
-        if not found.achieved or found.interrupted is not None or stands_with(kept, use):
+        # A proof or a narrow part holds with less friction, too; a search that missed may find another way with it.
+        settled = found.impossible is not None or bool(found.narrow) or found.interrupted is not None
+        if settled or (found.achieved and stands_with(kept, use)):
             return kept
         counted = replace(counted, friction_safety=2.0 * counted.friction_safety)
     found = design_with(replace(options, friction=0.0))
     note = (
         f"joints.friction is {options.friction:g}, but this design counts on none: with less than that, down to "
-        f"{use.counted:.2g}, some forces would hold the parts, but nothing that brings them about was found."
+        f"{use.counted:.2g}, no design was found that meets every goal and stands with forces that come about."
     )
     return replace(found, design=replace(found.design, notes=(*found.design.notes, note)))
 
