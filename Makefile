@@ -62,10 +62,11 @@ style: setup
 types: setup
 	$(BIN)/mypy
 
-# Tests of the robot driver watch a clock of 100 ms and so do not share the machine with others.
+# Tests of the robot driver watch a clock of 100 ms and so do not share the machine with tests that compute; with each other
+# they may, since they wait most of the time.
 unit: setup
 	@failed=0; $(BIN)/python -m pytest -n $(WORKERS) -m "not long and not browser" --ignore=tests/ur || failed=1; \
-	$(BIN)/python -m pytest -m "not long and not browser" tests/ur || failed=1; exit $$failed
+	$(BIN)/python -m pytest -n $(WORKERS) -m "not long and not browser" tests/ur || failed=1; exit $$failed
 
 browser: setup
 	@command -v chromium chromium-browser google-chrome >/dev/null || { \
