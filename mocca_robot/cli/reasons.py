@@ -22,7 +22,7 @@ from mocca_robot.verdicts.agreement import Remark, towards
 from mocca_robot.verdicts.verification import Verification
 
 if TYPE_CHECKING:
-    from planners.cone_joints.designer import Designed
+    from planners.cone_joints.outcome import Designed
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,8 @@ from mocca_robot.verdicts.simulation_json import write_simulation
 from mocca_robot.verdicts.verification import Verification, verify
 
 if TYPE_CHECKING:
-    from planners.cone_joints.designer import Designed
     from planners.cone_joints.largest_tilt import LargestTilt
+    from planners.cone_joints.outcome import Designed
     from planners.cone_joints.search import SearchState
     from sim.questions import Questions
 

@@ -59,6 +59,7 @@ def _alone(problem: JointProblem, shapes: Shapes2D, e: int, axis: Array) -> tupl
         kinds=(shapes.kinds[e],),
         pair=np.zeros(1, dtype=np.int64),
         pair_normal=shapes.pair_normal[shapes.pair[e]][None],
+        limits=shapes.limits[e : e + 1],
         clearance=clearance,
     )
     part = replace(problem, shapes=one, pairs=np.array([[0, 1]]))

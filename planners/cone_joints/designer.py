@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from mocca_robot.contacts.contact import Contact, ContactReport
 from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.design import CaseResult, Design
 from mocca_robot.errors import InputError
-from mocca_robot.joints.bounds import TightJoint
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import ways_out
@@ -26,7 +24,8 @@ from planners.cone_joints.building import build
 from planners.cone_joints.descent import evaluate
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.friction_design import counting_on_friction
-from planners.cone_joints.kinematic import Impossible, bound
+from planners.cone_joints.kinematic import bound
+from planners.cone_joints.outcome import Designed, NarrowPart
 from planners.cone_joints.passage import Outcome, WayOpener, closed_ways
 from planners.cone_joints.realization import Polished
 from planners.cone_joints.search import FoundJoints, Keep, Progress, SearchState, search
@@ -35,44 +34,6 @@ from planners.cone_joints.shapes2d import Shapes2D
 from planners.cone_joints.shapes3d import Shapes3D
 from planners.cone_joints.tight_bounds import tight_joints
 from planners.cone_joints.unknowns import JointParameters, JointProblem
-
-
-@dataclass(frozen=True, eq=False)
-class NarrowPart:
-    """A part whose earlier planar contacts leave a cone narrower than α: no joint can widen it (design bound)."""
-
-    part: str
-    alpha_rad: float
-    required_rad: float
-    blockers: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Designed:
-    """The outcome of a design run.
-
-    Attributes:
-        design: what was built; with joints where the search ended even when it failed, so that it can be looked at.
-        achieved: every required case holds and every part has its insertion cone, past all parts placed before it.
-        impossible: proof that no joint within the bounds holds the named case, if there is one.
-        narrow: parts that no joint can give the α that is asked for.
-        margin_rad: tilt that every required state survives on top of its load, as far as designed for.
-        evaluations: how often E was evaluated.
-        interrupted: what Ctrl-C cut short; the joints are then the nearest found so far. None: it ran to its end.
-        searched: the joints as the search left them, from which a similar design can start; None without a search.
-        tight: the bounds that every joint has reached, one entry per joint; empty without a search.
-    """
-
-    design: Design
-    achieved: bool
-    impossible: tuple[str, Impossible] | None = None
-    narrow: tuple[NarrowPart, ...] = ()
-    margin_rad: float = 0.0
-    evaluations: int = 0
-    interrupted: str | None = None
-    searched: FoundJoints | None = None
-    cases: tuple[LoadCase, ...] = field(default=())
-    tight: tuple[TightJoint, ...] = ()
 
 
 def design(
@@ -300,6 +261,3 @@ def _notes(assembly: Assembly, shapes: Shapes, report: ContactReport) -> tuple[s
     for miss in report.near_misses:
         notes.append(f"'{miss.parts[0]}' and '{miss.parts[1]}' nearly touch: {miss.gap_m * 1e3:.3g} mm apart.")
     return tuple(notes)
-
-
-__all__ = ["Contact", "Designed", "NarrowPart", "Progress", "design", "margin_cases"]

@@ -9,16 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from mocca_robot.design import CountedFriction
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import load_cases
-
-if TYPE_CHECKING:
-    from planners.cone_joints.designer import Designed
+from planners.cone_joints.outcome import Designed
 
 TRIES = 3
 """Coefficients that are counted on before none is, each half of the one before."""

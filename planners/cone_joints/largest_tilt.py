@@ -22,9 +22,10 @@ from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import load_cases
 from mocca_robot.statics.tilt_reserve import tilt_reserve
-from planners.cone_joints.designer import Designed, design, joint_contacts, joint_shapes
+from planners.cone_joints.designer import design, joint_contacts, joint_shapes
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.kinematic import bound
+from planners.cone_joints.outcome import Designed
 from planners.cone_joints.search import FoundJoints, Progress
 
 FIRST_STEP = float(np.deg2rad(5.0))

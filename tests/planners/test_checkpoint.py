@@ -22,7 +22,8 @@ from mocca_robot.files.design_json import read_design
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.verdicts.verification import verify
 from planners.cone_joints.checkpoint import Checkpoint, design_identity, read_checkpoint
-from planners.cone_joints.designer import Designed, design
+from planners.cone_joints.designer import design
+from planners.cone_joints.outcome import Designed
 from planners.cone_joints.search import SearchState, Stage
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -20,8 +20,9 @@ from mocca_robot.motion.insertion import insertion_verdicts
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import critical_tilt
 from mocca_robot.statics.tilt_reserve import tilt_reserve
-from planners.cone_joints.designer import Designed, design
+from planners.cone_joints.designer import design
 from planners.cone_joints.largest_tilt import RESOLUTION, design_as_asked, largest_tilt
+from planners.cone_joints.outcome import Designed
 
 
 def rectangle(name: str, x: float, y: float, w: float, h: float, fixed: bool = False) -> Part:

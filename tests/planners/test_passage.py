@@ -8,7 +8,8 @@ import pytest
 from mocca_robot.assembly import Assembly, Interlocking, Part, Polygon
 from mocca_robot.verdicts.verification import verify
 from planners.cone_joints import passage
-from planners.cone_joints.designer import Designed, design
+from planners.cone_joints.designer import design
+from planners.cone_joints.outcome import Designed
 from planners.cone_joints.passage import Outcome
 
 
