@@ -2,7 +2,8 @@
 
 From above, the bound (`tilt`) says where no forces would hold it. Below, what falls tells how far off it is: the share
 of the load that stays unbalanced goes to zero about evenly towards the critical tilt, so that two falls point at it.
-From below, each standing tilt starts from the displacements of the last.
+From below, each standing tilt starts from the displacements of the last, and the way up has no step longer than a
+stride.
 """
 
 from __future__ import annotations
@@ -10,12 +11,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from mocca_robot.arrays import Array
 from mocca_robot.statics.friction_verdict import FrictionVerdict, Standing
 
 RESOLUTION_RAD = 8e-4
 """Width of the bracket that ends the search: 0.046°."""
-MOST_TRIES = 40
+MOST_TRIES = 60
+STRIDE_RAD = float(np.deg2rad(10.0))
+"""Longest step on the way up: what falls at one tilt may stand again further on, leaning on something else."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -69,18 +74,21 @@ def largest_tilt(
     low, high, state, failure, tries = 0.0, bound_rad, upright.state, None, 1
     falls: list[tuple[float, float]] = []
     widths, surely = [high], bound_rad
+    ahead = [float(a) for a in np.arange(STRIDE_RAD, bound_rad - resolution_rad, STRIDE_RAD)]
     angle = max(bound_rad - 0.9 * resolution_rad, 0.5 * bound_rad)
     while high - low > resolution_rad and tries < MOST_TRIES:
+        if ahead:
+            angle = ahead.pop(0)
         found = decide(angle, state)
         tries += 1
         if found.stands:
             low, state = angle, found.state
         else:
-            high, failure = angle, found
+            high, failure, ahead = angle, found, []
             if found.standing is not Standing.UNDECIDED:
                 falls, surely = [*falls[-1:], (angle, found.unbalanced)], angle
         widths.append(high - low)
-        angle = _next(low, high, falls, widths, resolution_rad)
+        angle = _next(low, high, falls, widths, resolution_rad) if failure else max(high - 0.9 * resolution_rad, low)
     return FrictionTilt(
         stands_rad=low, fails_rad=high, falls_rad=surely, bound_rad=bound_rad, failure=failure, tries=tries
     )

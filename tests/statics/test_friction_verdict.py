@@ -275,6 +275,14 @@ def test_random_assemblies_fall_where_exact_springs_say(name: str) -> None:
     goes_on_falling(contacts, load(found.fails_rad + 0.01), standing(contacts, load(found.fails_rad + 0.01)))
 
 
+def test_what_stands_again_further_on_has_fallen_before() -> None:
+    """It falls from 24° on, and on its side, at 90°, it would stand: the way there leads through the fall."""
+    contacts, load, bound = random_case("solid_notched-3")
+    found = largest_tilt(lambda t, s: standing(contacts, load(t), start=s), bound)
+    assert standing(contacts, load(bound)).stands
+    assert np.rad2deg(found.critical_rad) == pytest.approx(24.0, abs=0.3)
+
+
 @pytest.mark.parametrize("ratio", [0.3, 3.0])
 def test_tangential_stiffness_matters_little(ratio: float) -> None:
     made = pin(2, 1.0, 1.1)
