@@ -219,7 +219,9 @@ def _agreement(run: Run, docs: Path) -> str:
     words = ", ".join(f"{count} {verdict}" for verdict, count in sorted(found.items()))
     apart = sorted((r.case, r.verdict.partition(": ")[2]) for r in run.rows if r.verdict.startswith("DISAGREE"))
     listed = _table(("disagrees", "both verdicts, and the cause"), apart) if apart else ""
-    return f"{AGREEMENT_TEXT} {words}.\n\n{listed}".rstrip()
+    measured = dict.fromkeys(r.case.partition(" µ")[0] for r in run.rows if " µ" in r.case)
+    which = f" Measured: {', '.join(measured)}." if measured else ""
+    return f"{AGREEMENT_TEXT} {words}.{which}\n\n{listed}".rstrip()
 
 
 def _insertions(run: Run, docs: Path) -> str:
