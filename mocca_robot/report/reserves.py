@@ -84,12 +84,15 @@ def _figure(found: LoadFactor | None) -> str:
 
 
 def factors_data(found: Sequence[LoadFactor]) -> list[dict[str, Any]]:
-    """Return load factors for JSON: `factor` null with `unlimited` true where any amount stands."""
+    """Return load factors for JSON: `factor` null with `unlimited` true where any amount stands.
+
+    A load that presses on nothing that can move has neither: no problem was solved for it.
+    """
     return [
         {
             "load": f.name,
             "factor": None if f.factor is None or math.isinf(f.factor) else f.factor,
-            "unlimited": f.factor is not None and math.isinf(f.factor),
+            "unlimited": f.factor is not None and math.isinf(f.factor) and f.steps > 0,
             "decided": f.factor is not None,
             "placed": f.placed or None,
             "moving": list(f.moving),

@@ -24,7 +24,7 @@ from mocca_robot.actions import (
 from mocca_robot.assembly import Assembly, Part, Polygon
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
-from mocca_robot.report.reserves import factor_words
+from mocca_robot.report.reserves import factor_words, factors_data
 from mocca_robot.statics.applied import applied_wrenches, combined
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.load_factor import load_factors
@@ -251,3 +251,10 @@ def test_a_linear_programme_finds_the_same_factors(kind: str, seed: int) -> None
         best = linprog(np.r_[np.zeros(matrix.shape[1] - 1), -1.0], A_eq=matrix, b_eq=-steady, method="highs")
         expected = 0.0 if best.status == 2 else np.inf if best.status == 3 else float(best.x[-1])
         assert found.factor == pytest.approx(expected, rel=1e-5, abs=1e-7), load.name
+
+
+def test_a_load_that_meets_nothing_is_not_called_unlimited() -> None:
+    push = PointForce(name="push", part="plank", force=np.array([0.0, -10.0]), at=np.array([2.0, 1.1]))
+    graph = PartsGraph.of(carrying(PLANK, push))
+    (stands,) = load_factors(graph)
+    assert [d["unlimited"] for d in factors_data([stands, replace(stands, steps=0)])] == [True, False]
