@@ -101,7 +101,7 @@ def simulate(
         asked = [stage for stage in group if stage.__name__ in questions.stages]
         if asked and not result.interrupted:
             started = time.perf_counter()
-            result = work.done([stage(result) for stage in asked], result)
+            result = work.carry_out([stage(result) for stage in asked], result)
             seconds[" and ".join(stage.__name__ for stage in asked)] = time.perf_counter() - started
     return replace(result, seconds={**seconds, "total": sum(seconds.values())})
 
@@ -141,7 +141,7 @@ class _Work:
         self.hash = assembly_hash(self.assembly)
         self._touching_at: dict[float, ContactModel | Sequence[PairRays]] = {}
 
-    def done(self, stages: Sequence[_Stage], so_far: Simulation) -> Simulation:
+    def carry_out(self, stages: Sequence[_Stage], so_far: Simulation) -> Simulation:
         """Return the simulation with what stages that run side by side find out."""
         trials = [trial for stage in stages for trial in stage.trials]
         many = self.processes is not None and sum(stage.runs for stage in stages) >= MANY_RUNS
@@ -201,13 +201,13 @@ class _Work:
         """Return what makes, of a state, a function that finds out whether it stands."""
         if friction > 0.0:
             return partial(partial, rubbing_state_row, rubbing(self.graph, friction))
-        return partial(partial, state_row, self.graph, self._touching(0.0))
+        return partial(partial, state_row, self.graph, self._choose_touching(0.0))
 
     def _tilts(self, friction: float) -> Callable[[float], Callable[[], Row]]:
         """Return what makes, of an azimuth, a function that finds out the critical tilt."""
         if friction > 0.0:
             return partial(partial, rubbing_tilt_row, rubbing(self.graph, friction))
-        touching = self._touching(0.0)
+        touching = self._choose_touching(0.0)
         if isinstance(touching, ContactModel):
             return partial(partial, tilt_row, tilt_scene(self.assembly, touching), self.graph)
         return partial(partial, detailed_tilt_row, self.graph, touching)
@@ -263,7 +263,7 @@ class _Work:
         groups: list[tuple[tuple[Any, ...], Callable[[], Row]]] = []
         ways = directions(cone, self.ask.directions)
         before = self._state_before(cone.part)
-        rays = self._touching(self.ask.friction)
+        rays = self._choose_touching(self.ask.friction)
         carried = None
         if below_stands and before is not None and not isinstance(rays, ContactModel):
             carried = Carried(rays, before)
@@ -310,7 +310,7 @@ class _Work:
         cases = [c for c in state_cases(self.graph) if not c.present[part:].any()]
         return cases[-1] if cases else None
 
-    def _touching(self, friction: float) -> ContactModel | Sequence[PairRays]:
+    def _choose_touching(self, friction: float) -> ContactModel | Sequence[PairRays]:
         """Return the contact model of every load, or the contact points to choose it from load by load."""
         if friction not in self._touching_at:
             rays = telling_rays(self.assembly, self.contacts, friction)

@@ -59,7 +59,7 @@ def build(
             unheard = "nobody reads what this program says any more (its output was closed)" if voice.deaf else ""
             return interrupted() or unheard
 
-        here, model = _fitted(args.robot, plan, voice)
+        here, model = _fit_to_arm(args.robot, plan, voice)
         with UrArm(args.robot, here, args.confirm, cancelled, model) as arm:
             journal = _open_journal(target, plan, arm.name, path, record, resolution, first)
             with journal:
@@ -73,7 +73,7 @@ def build(
     return _report(voice, args.json, _last(result, str(target) if kept else ""))
 
 
-def _fitted(host: str, plan: Plan, voice: Voice) -> tuple[Plan, RobotModel]:
+def _fit_to_arm(host: str, plan: Plan, voice: Voice) -> tuple[Plan, RobotModel]:
     """Return the plan for the arm that answers at `host`, as its factory measured it, and that arm."""
     from mocca_robot.plan.arm_models import robot_model
     from mocca_robot.plan.calibration import calibrated, difference, fitted

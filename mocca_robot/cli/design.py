@@ -27,7 +27,8 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return the exit status of the command. Ctrl-C keeps the joints as far as they were found."""
-    from mocca_robot.cli import stages
+    from mocca_robot.cli import designing, stages
+    from mocca_robot.cli.climb import climb_data, climb_words
     from mocca_robot.cli.closing_lines import conclude, introduce
 
     console = Console(args.json)
@@ -39,17 +40,17 @@ def run(args: argparse.Namespace) -> int:
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
     if args.largest_angle:
-        climb = stages.find_largest_tilt(config, contacts, console)
-        result, further = climb.designed, stages.climb_data(climb)
+        found = designing.find_largest_tilt(config, contacts, console)
+        result, further = found.designed, climb_data(found)
     else:
-        result, further = stages.design_joints(config, contacts, folder, console), {}
+        result, further = designing.design_joints(config, contacts, folder, console), {}
     files, problems = stages.write_files(result, config, folder, console)
     if result.interrupted is not None:
-        return stages.interrupted(result, files, folder, console)
-    outcome = stages.verified(folder, result, files, problems, console)
-    outcome = stages.with_reserve(outcome, config, console, result)
+        return designing.tell_interruption(result, files, folder, console)
+    outcome = stages.verify_files(folder, result, files, problems, console)
+    outcome = stages.find_reserve(outcome, config, console, result)
     outcome = stages.write_pages(outcome, config, folder, console)
-    stages.forget_progress(folder)
+    designing.forget_progress(folder)
     if args.largest_angle:
-        console.say(stages.climb_words(climb))
+        console.say(climb_words(found))
     return conclude(outcome, console, further=further)

@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--min-wall is {args.min_wall:g}; give a thickness in mm, 0 to ask for no check.")
     console = Console(args.json)
     with console.stage("export"):
-        files, thin = (_plan(args), []) if _is_plan(args) else _parts(args)
+        files, thin = (_write_plan(args), []) if _is_plan(args) else _write_parts(args)
     for line in thin:
         console.warn(f"warning: {line}")
     for file in files:
@@ -102,7 +102,7 @@ def _is_plan(args: argparse.Namespace) -> bool:
     return isinstance(data, dict) and data.get("format") == PLAN.name
 
 
-def _plan(args: argparse.Namespace) -> list[Path]:
+def _write_plan(args: argparse.Namespace) -> list[Path]:
     from mocca_robot.cli.execute import export_urscript
     from mocca_robot.files.output import write_atomic
     from mocca_robot.plan.reader import read_plan
@@ -110,42 +110,42 @@ def _plan(args: argparse.Namespace) -> list[Path]:
 
     ending = ".csv" if args.format == "csv" else ".script"
     target = Path(args.output) if args.output else Path(args.input).with_suffix(ending)
-    _writable(target.parent)
+    _prepare(target.parent)
     if args.format == "csv":
         return [write_atomic(target, trajectory_csv(read_plan(args.input)))]
     return [export_urscript(Path(args.input), target)]
 
 
-def _parts(args: argparse.Namespace) -> tuple[list[Path], list[str]]:
+def _write_parts(args: argparse.Namespace) -> tuple[list[Path], list[str]]:
     from mocca_robot.files.output import safe_file_names
 
     config = arguments.load(args)
     assembly = config.assembly
     stem = safe_file_names([assembly.name])[assembly.name]
     if args.format == "figures":
-        return _figures(args, config, _writable(Path(args.output or f"{stem}_figures"))), []
+        return _write_figures(args, config, _prepare(Path(args.output or f"{stem}_figures"))), []
     if args.format in GRAPHS:
-        return [_graph(args, config, Path(args.output or stem + GRAPHS[args.format]))], []
+        return [_write_graph(args, config, Path(args.output or stem + GRAPHS[args.format]))], []
     if args.format in SHEETS:
         from mocca_robot.fabrication.clearance import with_clearance
         from mocca_robot.fabrication.cut import write_cut_dxf, write_cut_svg
 
         target = Path(args.output or f"{stem}.{args.format}")
-        _writable(target.parent)
+        _prepare(target.parent)
         write = write_cut_svg if args.format == "svg" else write_cut_dxf
         files = [write(assembly, target, config.cut)]
         return files, _thin(args, with_clearance(assembly, config.cut.clearance))
     if args.format in ("mjcf", "urdf"):
-        return _models(args.format, assembly, _writable(Path(args.output or f"{stem}_{args.format}"))), []
+        return _write_models(args.format, assembly, _prepare(Path(args.output or f"{stem}_{args.format}"))), []
     if args.format in (*MESHES, "glb"):
-        return _meshes(args, assembly, stem)
-    endings = {"compas": "_compas.json", "compas-model": "_compas.json", "csv": "_parts.csv", "json": ".json"}
+        return _write_meshes(args, assembly, stem)
+    endings = {"compas": "_compas.json", "compas-model": "_compas.json", "csv": "_write_parts.csv", "json": ".json"}
     target = Path(args.output or stem + endings[args.format])
-    _writable(target.parent)
-    return [_document(args.format, assembly, target)], []
+    _prepare(target.parent)
+    return [_write_document(args.format, assembly, target)], []
 
 
-def _graph(args: argparse.Namespace, config: Config, target: Path) -> Path:
+def _write_graph(args: argparse.Namespace, config: Config, target: Path) -> Path:
     """Return `target` after writing the parts-graph there, with the joints of a design where the input is one."""
     from mocca_robot.cli.simulate import stored_design
     from mocca_robot.contacts.find import find_contacts, require_sound
@@ -155,7 +155,7 @@ def _graph(args: argparse.Namespace, config: Config, target: Path) -> Path:
     from mocca_robot.motion.parts_graph import PartsGraph
     from mocca_robot.report.graph_drawing import graph_dot, graph_svg
 
-    _writable(target.parent)
+    _prepare(target.parent)
     path = stored_design(Path(args.input))
     if path is None:
         report = find_contacts(config.assembly)
@@ -169,7 +169,7 @@ def _graph(args: argparse.Namespace, config: Config, target: Path) -> Path:
     return write_atomic(target, graph_dot(graph) if args.format == "dot" else graph_svg(graph))
 
 
-def _document(kind: str, assembly: Assembly, target: Path) -> Path:
+def _write_document(kind: str, assembly: Assembly, target: Path) -> Path:
     if kind == "json":
         from mocca_robot.files.assembly_json import write_assembly
 
@@ -187,7 +187,7 @@ def _document(kind: str, assembly: Assembly, target: Path) -> Path:
     return write_compas(assembly, target, find_contacts(assembly).contacts)
 
 
-def _meshes(args: argparse.Namespace, assembly: Assembly, stem: str) -> tuple[list[Path], list[str]]:
+def _write_meshes(args: argparse.Namespace, assembly: Assembly, stem: str) -> tuple[list[Path], list[str]]:
     from mocca_robot.fabrication.clearance import with_clearance
     from mocca_robot.files.mesh_write import write_glb, write_parts
     from mocca_robot.files.output import safe_file_names
@@ -199,19 +199,19 @@ def _meshes(args: argparse.Namespace, assembly: Assembly, stem: str) -> tuple[li
     meshes = [surface(p) for p in assembly.parts]
     assembly = assembly.with_shapes(meshes)
     if args.bed:
-        return _beds(args, flat, assembly, _writable(Path(args.output or stem))), thin
+        return _write_beds(args, flat, assembly, _prepare(Path(args.output or stem))), thin
     if args.format == "glb":
         target = Path(args.output or f"{stem}.glb")
-        _writable(target.parent)
+        _prepare(target.parent)
         return [write_glb(assembly, target)], thin
-    folder = _writable(Path(args.output or stem))
+    folder = _prepare(Path(args.output or stem))
     names = safe_file_names(assembly.sequence)
     # Slicers read STL in millimetres; 3MF says its unit itself.
     unit = "mm" if args.format == "stl" else "m"
     return write_parts([names[n] for n in assembly.sequence], meshes, folder, args.format, unit), thin
 
 
-def _figures(args: argparse.Namespace, config: Config, folder: Path) -> list[Path]:
+def _write_figures(args: argparse.Namespace, config: Config, folder: Path) -> list[Path]:
     from mocca_robot.cli import simulate, stages
     from mocca_robot.report.data import collect
     from mocca_robot.report.figures import write_figures
@@ -219,9 +219,9 @@ def _figures(args: argparse.Namespace, config: Config, folder: Path) -> list[Pat
 
     console, stored = Console(args.json), simulate.stored_design(Path(args.input))
     if stored is None:
-        outcome = stages.judged_as_is(config, stages.read_contacts(config.assembly, console), console)
+        outcome = stages.judge_as_is(config, stages.read_contacts(config.assembly, console), console)
     else:
-        outcome = stages.judged(stored, console)
+        outcome = stages.judge_stored(stored, console)
     beside = None if stored is None else stored.with_name("simulation.json")
     simulation = read_simulation(beside) if beside is not None and beside.is_file() else None
     data = collect(
@@ -238,7 +238,7 @@ def _thin(args: argparse.Namespace, assembly: Assembly) -> list[str]:
     return list(warnings(assembly, limit * 1e-3, scale)) if limit > 0 else []
 
 
-def _beds(args: argparse.Namespace, source: Assembly, assembly: Assembly, folder: Path) -> list[Path]:
+def _write_beds(args: argparse.Namespace, source: Assembly, assembly: Assembly, folder: Path) -> list[Path]:
     from mocca_robot.contacts.find import find_contacts
     from mocca_robot.fabrication.print_bed import print_beds, write_beds
     from mocca_robot.geometry.extrusion import standing
@@ -258,7 +258,7 @@ def _beds(args: argparse.Namespace, source: Assembly, assembly: Assembly, folder
     return write_beds(nested, folder, args.format)
 
 
-def _models(kind: str, assembly: Assembly, folder: Path) -> list[Path]:
+def _write_models(kind: str, assembly: Assembly, folder: Path) -> list[Path]:
     from sim.show.mjcf import export_mjcf, export_urdf
 
     if kind == "urdf":
@@ -272,7 +272,7 @@ def _models(kind: str, assembly: Assembly, folder: Path) -> list[Path]:
     return [export_mjcf(free_scene(assembly, contact_model(assembly, report.contacts)), folder)]
 
 
-def _writable(folder: Path) -> Path:
+def _prepare(folder: Path) -> Path:
     from mocca_robot.files.output import writable_folder
 
     return writable_folder(folder)

@@ -80,11 +80,11 @@ def run(args: argparse.Namespace) -> int:
         writable_folder(args.film.parent)
     with console.stage("rehearse") as update, _Interruptible() as cancelled:
 
-        def seen(part: PartRehearsal) -> None:
+        def tell(part: PartRehearsal) -> None:
             update(part.part)
             console.say(line(part))
 
-        result = rehearse(plan, design, options, progress=seen, cancelled=cancelled)
+        result = rehearse(plan, design, options, progress=tell, cancelled=cancelled)
     files = {"rehearsal": write_rehearsal(result, folder / "rehearsal.json")}
     with console.stage("report"):
         moving = film(result.place, result.frames, result.chapters)

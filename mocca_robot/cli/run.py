@@ -22,7 +22,7 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return the exit status of the command. Ctrl-C keeps what the design has found and what physics has said."""
-    from mocca_robot.cli import stages
+    from mocca_robot.cli import designing, stages
     from mocca_robot.cli.closing_lines import conclude, introduce
 
     console = Console(args.json)
@@ -34,14 +34,14 @@ def run(args: argparse.Namespace) -> int:
         console.warn(f"note: {note}")
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
-    result = stages.design_joints(config, contacts, folder, console)
+    result = designing.design_joints(config, contacts, folder, console)
     files, problems = stages.write_files(result, config, folder, console)
     if result.interrupted is not None:
-        return stages.interrupted(result, files, folder, console)
-    outcome = stages.verified(folder, result, files, problems, console)
-    outcome = stages.with_reserve(outcome, config, console, result)
+        return designing.tell_interruption(result, files, folder, console)
+    outcome = stages.verify_files(folder, result, files, problems, console)
+    outcome = stages.find_reserve(outcome, config, console, result)
     outcome, interrupted = stages.simulate_design(outcome, questions, folder, console)
     outcome = stages.write_pages(outcome, config, folder, console)
     if not interrupted:
-        stages.forget_progress(folder)
+        designing.forget_progress(folder)
     return conclude(outcome, console, interrupted=interrupted)

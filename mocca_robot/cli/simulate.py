@@ -98,10 +98,10 @@ def run(args: argparse.Namespace) -> int:
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
     if stored is not None and not args.set:
-        outcome = stages.judged(stored, console)
+        outcome = stages.judge_stored(stored, console)
     else:
-        outcome = stages.judged_as_is(config, contacts, console)
-    outcome = stages.with_reserve(outcome, config, console)
+        outcome = stages.judge_as_is(config, contacts, console)
+    outcome = stages.find_reserve(outcome, config, console)
     outcome, interrupted = stages.simulate_design(outcome, asked, folder, console)
     outcome = stages.write_pages(outcome, config, folder, console)
     # After the report, which is there then also where OpenGL is missing.

@@ -5,17 +5,14 @@ Every verdict comes from the written files: what is judged is what a user holds 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from mocca_robot.assembly import Assembly
 from mocca_robot.cli import reasons
 from mocca_robot.cli.console import Console
-from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.cli.reasons import NegativeVerdict
 from mocca_robot.config.config import Config
 from mocca_robot.contacts.contact import ContactReport
@@ -25,10 +22,8 @@ from mocca_robot.errors import InputError
 from mocca_robot.files.design_json import StoredDesign, read_design, write_design
 from mocca_robot.files.stored_joints import joints_of
 from mocca_robot.motion.parts_graph import PartsGraph
-from mocca_robot.report.case_words import case_words
 from mocca_robot.statics.cases import CaseVerdict, solve_case
 from mocca_robot.statics.loads import state_cases
-from mocca_robot.statics.materials import Friction
 from mocca_robot.statics.mobility import mobility
 from mocca_robot.statics.tilt_reserve import TiltReserve, tilt_reserve
 from mocca_robot.verdicts.agreement import Remark, remarks
@@ -37,13 +32,8 @@ from mocca_robot.verdicts.simulation_json import write_simulation
 from mocca_robot.verdicts.verification import Verification, verify
 
 if TYPE_CHECKING:
-    from planners.cone_joints.largest_tilt import LargestTilt
     from planners.cone_joints.outcome import Designed
-    from planners.cone_joints.search import SearchState
     from sim.questions import Questions
-
-HOLDS = 1e-12
-"""E/|w|² up to which the designer counts a load case as held."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -86,166 +76,6 @@ def read_contacts(assembly: Assembly, console: Console) -> ContactReport:
     return report
 
 
-PROGRESS_FILE = "design-progress.json"
-"""Beside the results: where an interrupted design stood."""
-
-
-def design_joints(config: Config, contacts: ContactReport, folder: Path, console: Console) -> Designed:
-    """Return the design run's outcome, with its two stages' wall times.
-
-    With `joints.tilt_margin_deg: max` it is that of the largest reserve that is found. Otherwise it goes on where an
-    earlier run of the same input into the same folder was interrupted. Where it stands is kept
-    in `PROGRESS_FILE` until `forget_progress`.
-    """
-    from planners.cone_joints.checkpoint import Checkpoint, design_identity, read_checkpoint
-    from planners.cone_joints.designer import design
-    from planners.cone_joints.largest_tilt import design_as_asked
-
-    insertion = dict(config.insertion) or None
-    require_friction(config)
-    if np.isinf(config.joints.tilt_margin_rad):
-        with console.stage("climb") as show:
-            return design_as_asked(
-                config.assembly,
-                config.joints,
-                insertion=insertion,
-                contacts=contacts,
-                progress=lambda what, worst: show(f"{what}, E/|w|² {worst:.1e}"),
-            )
-    path = folder / PROGRESS_FILE
-    identity = design_identity(config.assembly, config.joints, insertion)
-    earlier = read_checkpoint(path, identity)
-    if earlier.state is not None:
-        console.say(f"going on from {path}: {state_words(earlier.state)}")
-    elif earlier.why_not:
-        console.warn(f"note: {path} is not gone on from, {earlier.why_not}; the design starts anew.")
-    checkpoint = Checkpoint(path, identity)
-    try:
-        with console.stage("design") as show:
-            result = design(
-                config.assembly,
-                config.joints,
-                insertion=insertion,
-                contacts=contacts,
-                progress=lambda what, worst: show(f"{what}, E/|w|² {worst:.1e}"),
-                resume=earlier.state,
-                keep=checkpoint.keep,
-            )
-        if result.interrupted is not None:
-            _say_kept(checkpoint.save(), console)
-    except KeyboardInterrupt:
-        _say_kept(checkpoint.save(), console)
-        raise
-    whole = console.seconds.pop("design")
-    kinematic = float(result.design.seconds.get("kinematic", 0.0))
-    console.seconds["kinematic design"] = kinematic
-    console.seconds["realization"] = max(whole - kinematic, 0.0)
-    return result
-
-
-def require_friction(config: Config) -> None:
-    """Raise InputError where joints count on more friction than the parts are said to have."""
-    told = config.friction
-    least = min((mu for _, mu in told.table), default=float(told)) if isinstance(told, Friction) else told
-    if config.joints.friction > least:
-        raise InputError(
-            f"joints.friction is {config.joints.friction:g}, but friction says that it may be only {least:g}; "
-            f"write joints: {{friction: {least:g}}}."
-        )
-
-
-def find_largest_tilt(config: Config, contacts: ContactReport, console: Console) -> LargestTilt:
-    """Return the design at the largest tilt that is found, and what is known beyond it."""
-    from planners.cone_joints.largest_tilt import largest_tilt
-
-    require_friction(config)
-    with console.stage("climb") as show:
-        return largest_tilt(
-            config.assembly,
-            config.joints,
-            insertion=dict(config.insertion) or None,
-            contacts=contacts,
-            progress=lambda what, worst: show(f"{what}, E/|w|² {worst:.1e}"),
-        )
-
-
-def climb_words(climb: LargestTilt) -> str:
-    """Return the largest angle, and what stands beyond it: a proof, or only the end of a search."""
-    degrees = reasons.degrees
-    if climb.angle_rad is None:
-        found = f"largest tilt: no design was found, not even at {degrees(climb.rungs[0].angle_rad)}"
-    else:
-        found = f"largest tilt: a design was found up to {degrees(climb.angle_rad)}"
-    if climb.failed_rad is not None:
-        rung = min((r for r in climb.rungs if not r.achieved), key=lambda r: r.angle_rad)
-        found += f"; at {degrees(rung.angle_rad)} the search ended with E/|w|² = {rung.infeasibility:.1g}"
-    if climb.impossible_rad is not None:
-        return f"{found}; from {degrees(climb.impossible_rad)} on no joints within the bounds can hold it (proven)"
-    return f"{found}; what lies beyond is open, nothing proves it impossible"
-
-
-def climb_data(climb: LargestTilt) -> dict[str, Any]:
-    """Return the climb for JSON, in degrees."""
-
-    def degrees(angle_rad: float | None) -> float | None:
-        return None if angle_rad is None else float(np.rad2deg(angle_rad))
-
-    return {
-        "largest_angle": {
-            "angle_deg": degrees(climb.angle_rad),
-            "failed_deg": degrees(climb.failed_rad),
-            "impossible_deg": degrees(climb.impossible_rad),
-            "tried": [
-                {"angle_deg": degrees(r.angle_rad), "achieved": r.achieved, "infeasibility": r.infeasibility}
-                for r in climb.rungs
-            ],
-        }
-    }
-
-
-def _say_kept(path: Path | None, console: Console) -> None:
-    if path is not None:
-        console.warn(f"Interrupted; {path} keeps where the design stands: the same command goes on from there.")
-
-
-def state_words(state: SearchState) -> str:
-    """Return where a search stood, in words."""
-    if state.stage == "finished":
-        return "its joints were found already"
-    if state.stage == "thinning":
-        return "joints that hold were found; making some of them planar again"
-    return f"attempt {state.attempt + 1}, step {1 if state.polishing is None else state.polishing.steps + 1}"
-
-
-def interrupted(result: Designed, files: Mapping[str, Path], folder: Path, console: Console) -> int:
-    """Return the exit status of a design that Ctrl-C cut short, after saying what is kept and how to go on."""
-    worst = max(result.design.load_cases, key=lambda c: c.infeasibility_after)
-    curved = sum(not j.is_planar for j in result.design.joints)
-    holds = "every load case holds, with more curved joints than may be needed"
-    short = f"E/|w|² is still {worst.infeasibility_after:.2g} ({case_words(worst.name)})"
-    if worst.infeasibility_after <= HOLDS:
-        short = "every load case holds, but not yet with the insertion cones and the room that joints must keep"
-    console.say(f"Interrupted during '{result.interrupted}': {holds if result.achieved else short}.")
-    console.say(f"{files['design']} holds the {curved} curved joints as far as they were found; nothing was verified.")
-    progress = folder / PROGRESS_FILE
-    kept = {**files, "progress": progress} if progress.exists() else dict(files)
-    console.say(console.times())
-    document = {
-        "interrupted": True,
-        "name": result.design.source.name,
-        "curved_joints": curved,
-        "achieved": result.achieved,
-        "cases": [asdict(case) for case in result.design.load_cases],
-        "files": {kind: str(path) for kind, path in kept.items()},
-    }
-    return console.finish(ExitCode.INTERRUPTED, document)
-
-
-def forget_progress(folder: Path) -> None:
-    """Forget where a design stood: it has been judged, and simulated if it was asked for."""
-    (folder / PROGRESS_FILE).unlink(missing_ok=True)
-
-
 def write_files(
     result: Designed, config: Config, folder: Path, console: Console
 ) -> tuple[dict[str, Path], list[NegativeVerdict]]:
@@ -264,14 +94,14 @@ def write_files(
     return files, problems
 
 
-def verified(
+def verify_files(
     folder: Path, result: Designed, files: dict[str, Path], problems: Sequence[NegativeVerdict], console: Console
 ) -> DesignOutcome:
     """Return the verdicts on what lies in `folder`, read back from the files alone, after those of the design."""
     with console.stage("verify"):
         stored = read_design(folder)
         design = replace(result.design, assembly=stored.assembly, insertion=stored.insertion)
-        outcome = _judged(design)
+        outcome = _judge(design)
     findings = [*reasons.design_findings(result.design.source, result), *outcome.findings]
     if not result.achieved and not findings:
         # The files are the judge; that the designer wanted more is worth knowing all the same.
@@ -280,7 +110,7 @@ def verified(
     return replace(outcome, findings=(*findings, *problems), files=files)
 
 
-def with_reserve(
+def find_reserve(
     outcome: DesignOutcome, config: Config, console: Console, designed: Designed | None = None
 ) -> DesignOutcome:
     """Return the outcome with its smallest reserve against tilting, and what limits it as far as a design tells.
@@ -303,11 +133,11 @@ def with_reserve(
     return replace(outcome, reserve=found, findings=findings)
 
 
-def judged(path: Path, console: Console) -> DesignOutcome:
+def judge_stored(path: Path, console: Console) -> DesignOutcome:
     """Return the verdicts on a stored design; a note says why its joints cannot be shown, where they cannot."""
     with console.stage("verify"):
         stored = read_design(path)
-        outcome = _judged(_design_of(stored))
+        outcome = _judge(_design_of(stored))
         try:
             design = replace(outcome.design, joints=joints_of(stored, outcome.before.contacts))
         except InputError as error:
@@ -315,12 +145,12 @@ def judged(path: Path, console: Console) -> DesignOutcome:
     return replace(outcome, design=design)
 
 
-def judged_as_is(config: Config, contacts: ContactReport, console: Console) -> DesignOutcome:
+def judge_as_is(config: Config, contacts: ContactReport, console: Console) -> DesignOutcome:
     """Return the verdicts on an assembly without design; its joints are its contacts."""
     joints = PartsGraph.of(config.assembly, contacts.contacts).joints
     ways = tuple(Insertion(part, way, 0.0) for part, way in config.insertion.items())
     with console.stage("verify"):
-        return _judged(
+        return _judge(
             Design(
                 source=config.assembly,
                 assembly=config.assembly,
@@ -347,7 +177,7 @@ def _design_of(stored: StoredDesign) -> Design:
     )
 
 
-def _judged(design: Design) -> DesignOutcome:
+def _judge(design: Design) -> DesignOutcome:
     directions = {i.part: i.direction for i in design.insertion}
     mu = design.judged_friction
     after = verify(design.assembly, directions=directions, friction=mu)

@@ -272,10 +272,10 @@ def write_meshes(assembly: Assembly, folder: Path, inside: str) -> dict[str, str
     if assembly.dimension == 2:
         return {}
     from mocca_robot.files.mesh_write import write_part
-    from mocca_robot.files.output import moved_into_place
+    from mocca_robot.files.output import move_into_place
 
     stems = safe_file_names(assembly.sequence)
-    with moved_into_place(folder / inside) as temporary:
+    with move_into_place(folder / inside) as temporary:
         for part in assembly.parts:
             assert isinstance(part.shape, Mesh)
             write_part(part.shape, temporary / f"{stems[part.name]}.obj")

@@ -78,12 +78,12 @@ def mended(name: str, vertices: Array, faces: IntArray) -> Mended:
             raise InputError(f"Part '{name}' has no triangle with three corners of its own; export it again.")
     vertices, faces = _used(vertices, faces)
     if not Edges(faces).sound:
-        vertices, faces = _closed(name, vertices, faces, notes)
+        vertices, faces = _close(name, vertices, faces, notes)
         vertices, faces, body = surfaces.separated(vertices, faces)
     else:
         a, b = Edges(faces).pairs()
         body = surfaces.components(len(faces), a // 3, b // 3)[1]
-    return _bodies(name, vertices, faces, body, notes)
+    return _split_into_bodies(name, vertices, faces, body, notes)
 
 
 def repaired(name: str, vertices: Array, faces: IntArray) -> tuple[Mesh, tuple[str, ...]]:
@@ -102,7 +102,7 @@ def closes(vertices: Array, faces: IntArray) -> bool:
     if len(kept) == 0:
         return False
     vertices, kept = _used(vertices, kept)
-    found = _welded(vertices, kept, float(np.linalg.norm(np.ptp(vertices, axis=0))), [])[1]
+    found = _weld(vertices, kept, float(np.linalg.norm(np.ptp(vertices, axis=0))), [])[1]
     return not Edges(surfaces.without_copies(found)[0]).odd.any()
 
 
@@ -126,10 +126,10 @@ def _triangles(count: int) -> str:
     return f"{count} triangle{'' if count == 1 else 's'}"
 
 
-def _closed(name: str, vertices: Array, faces: IntArray, notes: list[str]) -> tuple[Array, IntArray]:
+def _close(name: str, vertices: Array, faces: IntArray, notes: list[str]) -> tuple[Array, IntArray]:
     """Return a surface whose edges all join an even number of triangles that agree; repairs are added to `notes`."""
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    vertices, faces = _welded(vertices, faces, size, notes)
+    vertices, faces = _weld(vertices, faces, size, notes)
     faces, copies = surfaces.without_copies(faces)
     if copies:
         notes.append(f"{_triangles(copies)} that say another one again removed")
@@ -142,7 +142,7 @@ def _closed(name: str, vertices: Array, faces: IntArray, notes: list[str]) -> tu
         if walls:
             notes.append(f"{_triangles(walls)} of walls inside removed")
     if Edges(faces).odd.any():
-        faces = _holes_closed(name, vertices, faces, size, notes)
+        faces = _close_holes(name, vertices, faces, size, notes)
     vertices, faces = _used(vertices, faces)
     found = surfaces.oriented(vertices, faces)
     if found is None:
@@ -155,7 +155,7 @@ def _closed(name: str, vertices: Array, faces: IntArray, notes: list[str]) -> tu
     return vertices, found[0]
 
 
-def _welded(vertices: Array, faces: IntArray, size: float, notes: list[str]) -> tuple[Array, IntArray]:
+def _weld(vertices: Array, faces: IntArray, size: float, notes: list[str]) -> tuple[Array, IntArray]:
     """Return the surface with corners welded that rounding keeps apart, by the least tolerance that helps."""
     best, fewest = (vertices, faces, 0.0), int(Edges(faces).odd.sum())
     for share in WELD if fewest else ():
@@ -175,7 +175,7 @@ def _welded(vertices: Array, faces: IntArray, size: float, notes: list[str]) -> 
     return places, kept
 
 
-def _holes_closed(name: str, vertices: Array, faces: IntArray, size: float, notes: list[str]) -> IntArray:
+def _close_holes(name: str, vertices: Array, faces: IntArray, size: float, notes: list[str]) -> IntArray:
     """Return the surface with its holes filled. Raises NotClosed when others are left, or it would become a sheet."""
     closed, count = filled(vertices, faces, size)
     edges = Edges(closed)
@@ -211,7 +211,7 @@ def _area(vertices: Array, faces: IntArray) -> float:
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
-def _bodies(name: str, vertices: Array, faces: IntArray, body: IntArray, notes: list[str]) -> Mended:
+def _split_into_bodies(name: str, vertices: Array, faces: IntArray, body: IntArray, notes: list[str]) -> Mended:
     """Return the bodies with volume, outward, cavities joined to what they are in."""
     numbers, first = np.unique(body, return_index=True)
     meshes = [Mesh(*_used(vertices, faces[body == n])) for n in numbers[np.argsort(first)]]

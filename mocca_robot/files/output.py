@@ -74,7 +74,7 @@ def write_atomic(path: Path, content: str | bytes) -> Path:
 
 
 @contextmanager
-def moved_into_place(folder: Path) -> Iterator[Path]:
+def move_into_place(folder: Path) -> Iterator[Path]:
     """Yield an empty folder whose files move into `folder` when the block ends well; after an error they vanish.
 
     Raises EnvironmentNeeded when they cannot be written.

@@ -22,7 +22,7 @@ def write_png(svg: str, path: Path) -> Path:
     Raises EnvironmentNeeded when typst is not installed.
     """
     source = '#set page(width: auto, height: auto, margin: 0pt)\n#image("picture.svg", width: 300pt)\n'
-    return _written(source, {"picture.svg": svg}, {}, path, "png", "A PNG picture", WIDTH_PX / 300.0 * 72.0)
+    return _write(source, {"picture.svg": svg}, {}, path, "png", "A PNG picture", WIDTH_PX / 300.0 * 72.0)
 
 
 def write_pdf(template: str, data: Mapping[str, Any], pictures: Mapping[str, str], path: Path) -> Path:
@@ -31,10 +31,10 @@ def write_pdf(template: str, data: Mapping[str, Any], pictures: Mapping[str, str
     Raises EnvironmentNeeded when typst is not installed.
     """
     source = (resources.files("mocca_robot.report") / "assets" / template).read_text(encoding="utf-8")
-    return _written(source, pictures, {"data": json.dumps(data, ensure_ascii=False)}, path, "pdf", "A PDF")
+    return _write(source, pictures, {"data": json.dumps(data, ensure_ascii=False)}, path, "pdf", "A PDF")
 
 
-def _written(
+def _write(
     source: str,
     pictures: Mapping[str, str],
     inputs: dict[str, str],

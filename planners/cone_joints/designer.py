@@ -147,7 +147,7 @@ def _designed(
                 reshaped=lambda axis: joint_shapes(graph, options, axis),
                 progress=progress,
             )
-            outcome = opener.opened(Outcome.of(assembly, problem, given, searched))
+            outcome = opener.open(Outcome.of(assembly, problem, given, searched))
             shapes = outcome.problem.shapes
         realization = time.perf_counter() - started - kinematic
     polished = unsearched if outcome is None else outcome.searched.polished

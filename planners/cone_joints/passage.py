@@ -168,7 +168,7 @@ class Passage:
                 return blocker not in sweep_blockers(build_parts(self.assembly, joints), part, rays)
 
             lowered = [(s, e, share) for share in SHARES for s, e in suspects]
-            one = next((x for x in lowered if free({x[1]: _limited(problem, parameters, *x)})), None)
+            one = next((x for x in lowered if free({x[1]: _cut_down(problem, parameters, *x)})), None)
             for s, e, share in [(s, e, 0.0) for s, e in suspects] if one is None else [one]:
                 yield s, e, share * _height(problem, parameters, s, e)
 
@@ -193,7 +193,7 @@ def _height(problem: JointProblem, parameters: JointParameters, side: int, joint
     return float(max(heights.max(), 0.0) if side else min(heights.min(), 0.0))
 
 
-def _limited(problem: JointProblem, parameters: JointParameters, side: int, joint: int, share: float) -> Joint:
+def _cut_down(problem: JointProblem, parameters: JointParameters, side: int, joint: int, share: float) -> Joint:
     """Return a joint with its bump on one side cut down to a share of its height."""
     shape, columns = parameters.shape[joint].copy(), list(problem.shapes.heights)
     limit = share * _height(problem, parameters, side, joint) / problem.shapes.lengths[joint]
@@ -220,7 +220,7 @@ class WayOpener:
     reshaped: Callable[[Array], Shapes]
     progress: Progress | None = None
 
-    def opened(self, first: Outcome) -> Outcome:
+    def open(self, first: Outcome) -> Outcome:
         """Return joints that hold like those of `first` and let every part in, or `first` where none were found.
 
         About the ways that are wanted, bumps that close them are limited. Where joints within the limits no longer
@@ -230,7 +230,7 @@ class WayOpener:
         tried = {c.part: [c.way_out] for c in first.closed}
         outcome = first
         for _ in range(WAYS):
-            outcome = self._limited(outcome, passage, tried)
+            outcome = self._limit(outcome, passage, tried)
             if not outcome.closed and outcome.solved:
                 return outcome
             free = ((p, self._other_way(p, t)) for p, t in tried.items() if self.graph.placed(p).chosen is None)
@@ -240,13 +240,13 @@ class WayOpener:
             for p, way in ways.items():
                 tried[p].append(way)
             passage = Passage(assembly=self.graph.assembly, limits=passage.limits, ways=ways)
-            outcome = self._searched(passage, None)
+            outcome = self._search(passage, None)
             if not outcome.closed and outcome.solved:
                 return outcome
         interrupted = outcome.searched.interrupted
         return replace(first, searched=replace(first.searched, interrupted=interrupted or first.searched.interrupted))
 
-    def _limited(self, outcome: Outcome, passage: Passage, tried: dict[int, list[Array]]) -> Outcome:
+    def _limit(self, outcome: Outcome, passage: Passage, tried: dict[int, list[Array]]) -> Outcome:
         """Return where limiting bumps about the ways of `passage` ends; `tried` learns of parts that were shut out."""
         for _ in range(ROUNDS):
             if not outcome.closed or outcome.searched.interrupted is not None:
@@ -257,10 +257,10 @@ class WayOpener:
             if narrower is None:
                 break
             passage = narrower
-            outcome = self._searched(passage, outcome.searched)
+            outcome = self._search(passage, outcome.searched)
         return outcome
 
-    def _searched(self, passage: Passage, near: FoundJoints | None) -> Outcome:
+    def _search(self, passage: Passage, near: FoundJoints | None) -> Outcome:
         axis, turning = self.start.axis.copy(), self.problem.turning.copy()
         for part, way in passage.ways.items():
             axis[part], turning[part] = way, False

@@ -113,7 +113,7 @@ def search(
     trail = _Trail(resume or SearchState(), progress, keep)
     families: list[Shapes] = []
     try:
-        best = _polished(problem, _attempts(problem, start, near, alone), trail, families)
+        best = _polish_in_turn(problem, _attempts(problem, start, near, alone), trail, families)
         few = len(problem.loads.gravity) <= FEW_CASES and len(problem.pairs) > MANY_JOINTS
         if trail.state.stage is not Stage.FINISHED and few and _rank(problem, best)[0] <= 1.0:
             trail.doing = "fewer joints"
@@ -150,7 +150,7 @@ class _Trail:
         self.reach(replace(self.state, stage=Stage.THINNING, best=polished))
 
 
-def _polished(
+def _polish_in_turn(
     problem: JointProblem,
     attempts: Iterator[tuple[Attempt, Shapes, JointParameters]],
     trail: _Trail,

@@ -123,7 +123,7 @@ class _Search:
     seconds: dict[str, float] = field(default_factory=dict)
     reports: dict[str, PartReport] = field(default_factory=dict)
 
-    def spent(self, part: str, since: float) -> None:
+    def add_seconds(self, part: str, since: float) -> None:
         self.seconds[part] = self.seconds.get(part, 0.0) + time.perf_counter() - since
 
 
@@ -139,7 +139,7 @@ def _structure_side(
         started = time.perf_counter()
         rng = np.random.default_rng([search.seed, index])
         search.found[body.name] = find_grasps(where, index, cell, rng=rng)
-        search.spent(body.name, started)
+        search.add_seconds(body.name, started)
         progress(f"grasps of {body.name}")
     order = [b.name for b in where.bodies if not b.fixed]
     ranked = standings(where, cell, [search.found[n].grasps for n in order])
@@ -157,7 +157,7 @@ def _structure_side(
             if seat is not None:
                 turns[body.name] = tool_down(seat) if where.assembly.dimension == 3 else np.eye(3)
             bench.scene.place(body.name, np.eye(4))
-            search.spent(body.name, started)
+            search.add_seconds(body.name, started)
             progress(f"a way into its place for {body.name}")
         if best is None or len(turns) > best[0]:
             best = len(turns), bench, turns, grasps
@@ -186,7 +186,7 @@ def _steps(bench: Bench, search: _Search, progress: Progress) -> list[Step]:
         started = time.perf_counter()
         attempt = _Attempt(bench=bench, index=index, search=search, at=at)
         step = attempt.step()
-        search.spent(body.name, started)
+        search.add_seconds(body.name, started)
         search.reports[body.name] = attempt.report(search.seconds[body.name])
         if step is not None:
             steps.append(step)
@@ -226,7 +226,7 @@ class _Attempt:
         for seat in seats(bench, name, grasps, direction, self.at, self.reasons, usable):
             self.attempts += 1
             for pick in picks(bench, name, seat, self.reasons):
-                found = self._transits(name, seat, pick.q_above, pick.q_lifted, pick.flange)
+                found = self._connect(name, seat, pick.q_above, pick.q_lifted, pick.flange)
                 if found is None:
                     if self.transit_failures >= TRANSIT_FAILURES:
                         return None
@@ -240,7 +240,7 @@ class _Attempt:
                 return None
         return None
 
-    def _transits(
+    def _connect(
         self, name: str, seat: Seat, q_above: Array, q_lifted: Array, pick: Array
     ) -> tuple[list[Array], list[Array]] | None:
         """Return the corners of the ways to the tray and on to the structure."""
@@ -249,11 +249,11 @@ class _Attempt:
         opened, closed = seat.grasp.width_m + bench.cell.gripper.opening_m, seat.grasp.width_m
         waiting = bench.waiting(name)
         seed = 2 * (self.search.seed + 1000 * self.index + self.transit_failures)
-        bench.scene.roles(carried=name)
+        bench.scene.assign(carried=name)
         grip: Array = np.linalg.inv(pick) @ waiting
         to_seat = connect(q_lifted, seat.q_before, lambda q: not bench.free(q, closed, grip), limit, seed)
         bench.scene.place(name, waiting)
-        bench.scene.roles()
+        bench.scene.assign()
         if to_seat is None:
             count(self.reasons, "transit to the structure: no way found")
             self.transit_failures += 1
@@ -286,7 +286,7 @@ class _Attempt:
 
 def _homeward(bench: Bench, step: Step, seed: int) -> Step:
     """Return the last step with the way home, if there is one."""
-    bench.scene.roles()
+    bench.scene.assign()
     at = end(step.moves[-1].path)
     opening = step.moves[-1].gripper_m
     limit = np.asarray(bench.cell.model.joint_limit_rad)

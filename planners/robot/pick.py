@@ -69,7 +69,7 @@ def picks(bench: Bench, name: str, seat: Seat, reasons: dict[str, int]) -> Itera
     near = nearest_turn(model, options[0][there[0]], seat.q_before)
     for q in near[np.argsort(np.abs(near - seat.q_before).max(axis=1), kind="stable")]:
         scene.place(name, motion)
-        scene.roles(grasped=name)
+        scene.assign(grasped=name)
         reason = bench.free(q, opened)
         q_above = q
         for above in ABOVES_M if not reason else ():
@@ -79,7 +79,7 @@ def picks(bench: Bench, name: str, seat: Seat, reasons: dict[str, int]) -> Itera
         if reason:
             count(reasons, f"pick: {reason}")
             continue
-        scene.roles(carried=name)
+        scene.assign(carried=name)
         for height in LIFTS_M:
             lift = np.array([0.0, 0.0, height])
             q_lifted, reason = bench.along(flange, lift, q, closed, grip)

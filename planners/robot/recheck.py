@@ -50,16 +50,16 @@ def recheck(plan: Plan, cell: RobotCell, site: Site, tray: Tray, *, step_m: floa
         if step.part not in known:
             out.append(PlanFinding(f"step {i}", "part", step.part, "a part of the design", "Plan again."))
             continue
-        out.extend(_opened(step.moves[0], opening, f"step {i} ({step.part}), move 0", scene))
+        out.extend(_open_hand(step.moves[0], opening, f"step {i} ({step.part}), move 0", scene))
         out.extend(_step(step, f"step {i} ({step.part})", cell, site, tray, scene, step_m))
         opening = step.moves[-1].gripper_m
         scene.place(step.part, np.eye(4))
     return out
 
 
-def _opened(move: Move, before_m: float, where: str, scene: CellScene) -> Iterator[PlanFinding]:
+def _open_hand(move: Move, before_m: float, where: str, scene: CellScene) -> Iterator[PlanFinding]:
     """Yield what the hand meets where it is opened, or narrowed, from `before_m` for the first move of a step."""
-    scene.roles()
+    scene.assign()
     for opening in np.linspace(before_m, move.gripper_m, OPENINGS).tolist():
         if hit := scene.hit(np.array(move.path[0].q), opening, None):
             what = f"a collision at an opening of {1e3 * opening:.0f} mm"
@@ -82,11 +82,11 @@ def _step(
             scene.place(step.part, np.eye(4))
         near = move.kind in (MoveKind.APPROACH, MoveKind.PICK, MoveKind.RELEASE, MoveKind.RETREAT)
         if fitted:
-            scene.roles(absent=(step.part,))
+            scene.assign(absent=(step.part,))
         elif carried:
-            scene.roles(carried=step.part)
+            scene.assign(carried=step.part)
         else:
-            scene.roles(grasped=step.part if near else None)
+            scene.assign(grasped=step.part if near else None)
         held = grip if carried and not fitted else None
         part = corners @ grip[:3, :3].T + grip[:3, 3] if carried else np.zeros((0, 3))
         for name, path in _paths(move, where):

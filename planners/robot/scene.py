@@ -74,7 +74,7 @@ class CellScene:
             self._geoms[body.name] = np.flatnonzero(model.geom_bodyid == index).astype(np.int64)
             self._address[body.name] = int(model.jnt_qposadr[model.body_jntadr[index]])
             self.place(body.name, np.eye(4))
-        self.roles()
+        self.assign()
 
     def _add_arm(self, spec: Any) -> None:
         gripper = self._cell.gripper
@@ -124,7 +124,7 @@ class CellScene:
                 names.append(name)
         return names
 
-    def roles(self, *, carried: str | None = None, grasped: str | None = None, absent: Iterable[str] = ()) -> None:
+    def assign(self, *, carried: str | None = None, grasped: str | None = None, absent: Iterable[str] = ()) -> None:
         """Set roles: `carried` moves with the tool; the fingers may touch `grasped`; `absent` parts are not there."""
         gone = set(absent)
         for name, geoms in self._geoms.items():

@@ -86,7 +86,7 @@ def _seated(
     opened, closed = grasp.width_m + bench.cell.gripper.opening_m, grasp.width_m
     scene = bench.scene
     scene.place(name, np.eye(4))
-    scene.roles(grasped=name)
+    scene.assign(grasped=name)
     for opening in (opened, closed):
         reason = bench.free(q, opening)
         if reason:
@@ -126,10 +126,10 @@ def _way_in(bench: Bench, name: str, flange: Array, q: Array, travel: Array, clo
     grip = np.asarray(np.linalg.inv(flange), dtype=np.float64)
     joints, reason = trace(bench.cell.model, line(flange, -travel, 30), q)
     if not reason:
-        bench.scene.roles(carried=name)
+        bench.scene.assign(carried=name)
         reason = bench.free(joints[-1], closed, grip)
     if not reason:
         # On the way in the part's own fit is judged by its exact sweep: here it is left out.
-        bench.scene.roles(absent=(name,))
+        bench.scene.assign(absent=(name,))
         reason = next((r for x in joints if (r := bench.free(x, closed))), "")
     return joints[-1], reason

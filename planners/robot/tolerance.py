@@ -24,7 +24,7 @@ def tolerance(
 
     A way counts when the part's own sweep is free, the arm can follow it, and neither arm nor tool touches anything.
     """
-    bench.scene.roles(absent=(bench.site.assembly.parts[index].name,))
+    bench.scene.assign(absent=(bench.site.assembly.parts[index].name,))
     for fraction in FRACTIONS:
         usable = fraction * cone_rad
         ways = insertion_rim(-direction @ bench.site.turn, usable, RIM)[1:]

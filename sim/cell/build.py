@@ -44,7 +44,7 @@ class Build:
         yielding = {k: p for k, p in sorted(self._taken.items()) if k in beside and k in self.held}
         return Moment(phase, moving, self.free, tuple(sorted(self.held - set(yielding))), tuple(yielding.items()))
 
-    def released(self, part: int, pose: Pose) -> Moment:
+    def release(self, part: int, pose: Pose) -> Moment:
         """Return the moment in which `part` is let go at `pose`: a support holds it there, a cradle draws it home."""
         if part not in self._supported:
             return self.at("rest", part)
@@ -54,12 +54,12 @@ class Build:
         self.held.add(part)
         return self.at("rest", None)
 
-    def placed(self, part: int) -> Moment:
+    def set_down(self, part: int) -> Moment:
         """Return the moment in which `part` counts as built: held by its support if it has one."""
         (self.held if part in self._supported else self._free).add(part)
         return self.at("rest", None)
 
-    def without_supports(self) -> Moment:
+    def remove_supports(self) -> Moment:
         """Return the moment in which the supports are taken away."""
         self._free |= self.held & self._supported
         self.held -= self._supported

@@ -19,7 +19,7 @@ from planners.robot.tool import Gripper, SuctionGripper
 from sim.cell.cell_model import Workplace
 from sim.cell.world import Frame
 from sim.shapes.contact_model import embed
-from sim.show.film import FilmOptions, rendered, write_images
+from sim.show.film import FilmOptions, render, write_images
 from sim.show.mjcf import colour
 
 STEEL, DARK, WOOD = (0.72, 0.74, 0.77), (0.3, 0.32, 0.35), (0.92, 0.9, 0.86)
@@ -130,10 +130,10 @@ def write_cell_film(moving: CellFilm, path: str | Path, options: FilmOptions | N
     Raises EnvironmentNeeded when OpenGL, or for .mp4 imageio-ffmpeg, is missing.
     """
     options = options or FilmOptions(azimuth_deg=150.0, elevation_deg=-25.0)
-    return write_images(_images(moving, options), Path(path), options)
+    return write_images(_render(moving, options), Path(path), options)
 
 
-def _images(moving: CellFilm, options: FilmOptions) -> Iterator[NDArray[np.uint8]]:
+def _render(moving: CellFilm, options: FilmOptions) -> Iterator[NDArray[np.uint8]]:
     import mujoco
 
     spec = mujoco.MjSpec()
@@ -151,7 +151,7 @@ def _images(moving: CellFilm, options: FilmOptions) -> Iterator[NDArray[np.uint8
     wanted = np.linspace(moving.times[0], moving.times[-1], max(2, round(seconds * options.fps) + 1))
     rows = np.clip(np.searchsorted(moving.times, wanted), 0, len(moving.times) - 1)
 
-    def states(data: Any) -> Iterator[None]:
+    def put_states(data: Any) -> Iterator[None]:
         for row in rows:
             # A mesh's own frame is its principal axes: the compiler has moved the geom, not the body.
             data.mocap_pos[:] = moving.poses[row, :, :3]
@@ -163,4 +163,4 @@ def _images(moving: CellFilm, options: FilmOptions) -> Iterator[NDArray[np.uint8
     camera.lookat[:] = [0.35, 0.0, 0.2]
     camera.distance = 1.7
     camera.azimuth, camera.elevation = options.azimuth_deg, options.elevation_deg
-    return rendered(spec, camera, states, options)
+    return render(spec, camera, put_states, options)

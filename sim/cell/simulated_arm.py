@@ -120,7 +120,7 @@ class SimulatedCell:
         if phase == "rest":
             self._hand.measure_slip(self._current)
             self._world.remember()
-            self._world.enter(self._build.released(moving, self._world.poses[moving]))
+            self._world.enter(self._build.release(moving, self._world.poses[moving]))
         else:
             self._world.enter(self._build.at(phase, moving))
         self._hand.keep()
@@ -131,7 +131,7 @@ class SimulatedCell:
         `part` counts as built from now on: held by its support if it has one. With None the supports are taken away.
         """
         self._rest()
-        self._world.enter(self._build.without_supports() if part is None else self._build.placed(part))
+        self._world.enter(self._build.remove_supports() if part is None else self._build.set_down(part))
         return settle(self._world, longest_s, lambda: resting(self.speeds()))
 
     def put(self, part: int, pose: Pose) -> None:

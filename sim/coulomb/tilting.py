@@ -71,12 +71,12 @@ def tilt_bracket(
     the bracket reaches past them.
     """
     ground = _Ground(rubbing, azimuth_rad, course)
-    stood = ground.tilted(0.0, None)
+    stood = ground.tilt(0.0, None)
     if not stood.standing.stands:
         return TiltBracket(None, stood, ground.runs)
     stood, fell = _approached(ground, stood, guess_rad)
     while fell is not None and fell.angle_rad - stood.angle_rad > resolution_rad:
-        middle = ground.tilted(0.5 * (stood.angle_rad + fell.angle_rad), stood)
+        middle = ground.tilt(0.5 * (stood.angle_rad + fell.angle_rad), stood)
         stood, fell = (middle, fell) if middle.standing.stands else (stood, middle)
     if fell is not None:
         fell = _past(ground, stood, fell, resolution_rad)
@@ -89,7 +89,7 @@ class _Ground:
     def __init__(self, rubbing: Rubbing, azimuth_rad: float, course: Course) -> None:
         self.rubbing, self.azimuth_rad, self.course, self.runs = rubbing, azimuth_rad, course, 0
 
-    def tilted(self, angle_rad: float, rest: Tilted | None) -> Tilted:
+    def tilt(self, angle_rad: float, rest: Tilted | None) -> Tilted:
         """Return what the assembly does when it is tilted on from a rest, or loaded at once where there is none."""
         assembly, course, after = self.rubbing.graph.assembly, self.course, None
         if rest is not None:
@@ -106,7 +106,7 @@ def _approached(ground: _Ground, stood: Tilted, guess_rad: float) -> tuple[Tilte
     near = guess_rad + 3.0 * STEP_RAD
     step = max(guess_rad - 1.5 * STEP_RAD, STEP_RAD)
     while stood.angle_rad < np.pi / 2:
-        further = ground.tilted(min(stood.angle_rad + step, np.pi / 2), stood)
+        further = ground.tilt(min(stood.angle_rad + step, np.pi / 2), stood)
         if further.standing.stands:
             stood = further
             step = STEP_RAD if stood.angle_rad < near else min(2.0 * step, LONGEST_STEP_RAD)
@@ -122,7 +122,7 @@ def _past(ground: _Ground, stood: Tilted, over: Tilted, width_rad: float) -> Til
     for k in range(PAST):
         if over.standing.settled.outcome is SettlingOutcome.FALLS:
             return over
-        further = ground.tilted(min(over.angle_rad + 2.0**k * width_rad, np.pi / 2), stood)
+        further = ground.tilt(min(over.angle_rad + 2.0**k * width_rad, np.pi / 2), stood)
         if further.standing.settled.outcome is SettlingOutcome.FALLS:
             return further
     return over

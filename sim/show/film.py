@@ -67,7 +67,7 @@ def write_film(scene: Scene, motion: Motion, path: str | Path, options: FilmOpti
     Raises EnvironmentNeeded when OpenGL, or for .mp4 imageio-ffmpeg, is missing.
     """
     options = options or FilmOptions()
-    return write_images(frames(scene, motion, options), Path(path), options)
+    return write_images(render_motion(scene, motion, options), Path(path), options)
 
 
 def write_images(images: Iterator[NDArray[np.uint8]], target: Path, options: FilmOptions) -> Path:
@@ -80,33 +80,33 @@ def write_images(images: Iterator[NDArray[np.uint8]], target: Path, options: Fil
     return folder
 
 
-def frames(scene: Scene, motion: Motion, options: FilmOptions | None = None) -> Iterator[NDArray[np.uint8]]:
+def render_motion(scene: Scene, motion: Motion, options: FilmOptions | None = None) -> Iterator[NDArray[np.uint8]]:
     """Yield images (height, width, 3) of the motion at even times. Raises EnvironmentNeeded without OpenGL."""
     options = options or FilmOptions()
     compiled = compile_scene(scene)
     duration = float(motion.times[-1])
     count = max(2, round(duration * options.slow_motion * options.fps) + 1)
 
-    def states(data: Any) -> Iterator[None]:
+    def put_states(data: Any) -> Iterator[None]:
         for time in np.linspace(0.0, duration, count):
             nearest = int(np.abs(motion.times - time).argmin())
             data.qpos[compiled.qpos] = motion.poses[nearest]
             yield
 
-    yield from rendered(visible_spec(scene), _camera(scene, options), states, options)
+    yield from render(visible_spec(scene), _camera(scene, options), put_states, options)
 
 
-def rendered(
-    model: Any, camera: Any, states: Callable[[Any], Iterator[None]], options: FilmOptions
+def render(
+    model: Any, camera: Any, put_states: Callable[[Any], Iterator[None]], options: FilmOptions
 ) -> Iterator[NDArray[np.uint8]]:
-    """Yield an image (height, width, 3) of the MjSpec `model` for every state that `states` puts into its MjData.
+    """Yield an image (height, width, 3) of the MjSpec `model` for every state that `put_states` puts into its MjData.
 
     Raises EnvironmentNeeded without OpenGL.
     """
     with _opengl(options):
         import mujoco
 
-        compiled = _lit(model, options).compile()
+        compiled = _light(model, options).compile()
         data = mujoco.MjData(compiled)
         context = mujoco.MjrContext(compiled, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
@@ -114,7 +114,7 @@ def rendered(
         settings = mujoco.MjvOption()
         box = mujoco.MjrRect(0, 0, options.width, options.height)
         image = np.zeros((options.height, options.width, 3), dtype=np.uint8)
-        for _ in states(data):
+        for _ in put_states(data):
             mujoco.mj_forward(compiled, data)
             mujoco.mjv_updateScene(compiled, data, settings, None, camera, mujoco.mjtCatBit.mjCAT_ALL, view)
             mujoco.mjr_render(box, view, context)
@@ -248,7 +248,7 @@ def visible_spec(scene: Scene) -> Any:
     return out
 
 
-def _lit(out: Any, options: FilmOptions) -> Any:
+def _light(out: Any, options: FilmOptions) -> Any:
     """Return the MjSpec with light, background and an image of the right size."""
     import mujoco
 

@@ -43,7 +43,7 @@ def evaluate(task: Task) -> Row:
     """Return the row of a point; a point that cannot be used or fails is a row with its reason, never an error."""
     started = time.perf_counter()
     try:
-        row = _evaluated(task)
+        row = _evaluate(task)
     except MoccaError as error:
         row = {"status": UNUSABLE, "reason": str(error)}
     except Exception as error:
@@ -52,7 +52,7 @@ def evaluate(task: Task) -> Row:
 
 
 @with_one_blas_thread  # wherever it runs: sums in another order differ in their last digits
-def _evaluated(task: Task) -> Row:
+def _evaluate(task: Task) -> Row:
     config = task.config
     report = find_contacts(config.assembly)
     require_sound(config.assembly, report)
@@ -62,17 +62,17 @@ def _evaluated(task: Task) -> Row:
         graph = verification.graph
         row |= _verdict(verification)
     else:
-        found, graph = _designed(config, report)
+        found, graph = _design(config, report)
         row |= found
     if "tilt" in task.stages:
         row |= _tilts(graph, config)
     if "simulate" in task.stages:
-        row |= _simulated(graph, config)
+        row |= _simulate(graph, config)
     status, reason = row.pop("status"), row.pop("reason")
     return {"status": status, "reason": reason, **row}
 
 
-def _designed(config: Config, report: Any) -> tuple[Row, PartsGraph]:
+def _design(config: Config, report: Any) -> tuple[Row, PartsGraph]:
     """Return the figures of a design, and its parts, ways in and contacts as they are read back from its files."""
     from planners.cone_joints.largest_tilt import design_as_asked
 
@@ -129,7 +129,7 @@ def _tilts(graph: PartsGraph, config: Config) -> Row:
     }
 
 
-def _simulated(graph: PartsGraph, config: Config) -> Row:
+def _simulate(graph: PartsGraph, config: Config) -> Row:
     from sim.questions import Questions
     from sim.simulate import simulate
 

@@ -187,7 +187,7 @@ def test_the_share_of_the_cone_that_is_called_usable_can_be_used() -> None:
         insert = next(m for m in step.moves if m.kind is MoveKind.INSERT)
         q = np.array(insert.path[-1].q)
         flange = result.cell.model.frames(q)[-1]
-        bench.scene.roles(absent=(step.part,))
+        bench.scene.assign(absent=(step.part,))
         assert report.usable_rad > 0.0
         axis = -np.asarray(step.direction) @ result.site.turn
         for way in insertion_rim(axis / np.linalg.norm(axis), 0.97 * report.usable_rad, 11)[1:]:

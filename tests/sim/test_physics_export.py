@@ -15,7 +15,7 @@ from mocca_robot.statics.loads import tilted_gravity
 from sim.motion import Motion, run
 from sim.scene import compile_scene
 from sim.shapes.contact_model import contact_model, facets
-from sim.show.film import OUT_OF_SIGHT, FilmOptions, frames, platform_motion, png, write_film
+from sim.show.film import OUT_OF_SIGHT, FilmOptions, platform_motion, png, render_motion, write_film
 from sim.show.mjcf import export_mjcf, export_urdf
 from sim.stability import free_scene, stability
 
@@ -76,7 +76,7 @@ def test_surfaces_are_closed_and_outward():
 def opengl_or_reason(scene, motion: Motion):
     """Return frames; or None where OpenGL is missing and the error says what to install."""
     try:
-        return list(frames(scene, motion, SMALL))
+        return list(render_motion(scene, motion, SMALL))
     except EnvironmentNeeded as error:
         assert "libegl1" in str(error)
         return None
@@ -102,7 +102,7 @@ def test_without_opengl_the_error_says_what_to_install(monkeypatch):
     monkeypatch.setattr("sim.show.film._context", missing)
     scene = scene_2d()
     with pytest.raises(EnvironmentNeeded, match="apt-get install libegl1"):
-        next(frames(scene, stability(scene).motion, SMALL))
+        next(render_motion(scene, stability(scene).motion, SMALL))
 
 
 def test_a_steady_platform_carries_the_stack_until_it_lets_go():

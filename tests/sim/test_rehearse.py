@@ -229,7 +229,7 @@ def test_a_cradle_brings_a_part_to_its_place_where_a_support_leaves_it() -> None
         x, y, z = home.position
         beside = Pose((x, y, z + 0.001))
         world = CellWorld(place, {0: base, 1: beside})
-        world.begin(Build(place, plan).released(1, beside), cell().home, 0.0)
+        world.begin(Build(place, plan).release(1, beside), cell().home, 0.0)
         world.hold(0.3)
         world.remember()
         assert math.dist(world.poses[1].position, home.position) == pytest.approx(left, abs=2e-5)
