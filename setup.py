@@ -9,5 +9,10 @@ setup(
     packages=[*find_packages(exclude=["tests*", "benchmarks*", "docs*", "configs*"]), *FOLDERS],
     package_dir=FOLDERS,
     package_data={name: ["*.yaml", "*.svg", "*.obj", "*.json"] for name in FOLDERS}
-    | {"mocca_robot.report": ["assets/*"], "mocca_robot": ["*.pyi", "py.typed"], "planners": ["*.pyi"]},
+    | {
+        "mocca_robot.report": ["assets/*"],
+        "mocca_robot.ur": ["*.script"],
+        "mocca_robot": ["*.pyi", "py.typed"],
+        "planners": ["*.pyi"],
+    },
 )

@@ -69,7 +69,8 @@ def test_wheel_and_source_archive_work_where_nothing_else_is(tmp_path: Path) -> 
     for path in [*(ROOT / "configs").rglob("*.yaml"), *(ROOT / "configs").rglob("*.svg")]:
         assert f"mocca_robot/examples/{path.relative_to(ROOT / 'configs').as_posix()}" in names
     for package in {p.parent.name for p in ROOT.glob("*/__init__.py")} - {"tests", "benchmarks"}:
-        assert {p.relative_to(ROOT).as_posix() for p in (ROOT / package).rglob("*.py")} <= names
+        files = {p for p in (source / package).rglob("*") if p.is_file()}
+        assert {p.relative_to(source).as_posix() for p in files} <= names
     with tarfile.open(tar) as inside_tar:
         assert any(n.endswith("/configs/igloo.yaml") for n in inside_tar.getnames())
     smoke(wheel, tmp_path / "one")
