@@ -12,6 +12,7 @@ import numpy as np
 from mocca_robot.actions import Action, Combination
 from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.errors import InputError, nearest
+from mocca_robot.tolerances import ON_GROUND
 
 STANDARD_GRAVITY = 9.80665
 DEFAULT_DENSITY = 1200.0
@@ -282,5 +283,5 @@ def on_the_ground(parts: Sequence[Part]) -> list[str]:
     """Return the parts whose lowest point is within 1/1000 of the height above the lowest of all; never all of them."""
     lowest = np.array([p.shape.bounds[0, -1] for p in parts])
     highest = max(float(p.shape.bounds[1, -1]) for p in parts)
-    down = [p.name for p, low in zip(parts, lowest) if low <= lowest.min() + 1e-3 * (highest - lowest.min())]
+    down = [p.name for p, low in zip(parts, lowest) if low <= lowest.min() + ON_GROUND * (highest - lowest.min())]
     return down if len(down) < len(parts) else down[:1]

@@ -1,6 +1,7 @@
-"""What geometry and verdicts are judged by, each with its reason; none depends on the model's scale.
+"""What geometry and verdicts are judged by, and small numbers that many modules need, each with its reason.
 
-Thresholds at which a solver stops stand beside it, those of physics in `sim.settings`.
+None depends on the model's scale. What one module alone needs stands at its top, with a name and a reason; the settings
+of physics are in `sim.settings`. A test finds small numbers that have no name.
 """
 
 from __future__ import annotations
@@ -53,3 +54,24 @@ MARGIN_SOLVED = 1e-9
 """E/|w|² of a margin case that counts as zero: a margin is a wish, and costs steps."""
 VIOLATED = 1e-6
 """Hinge of a constraint on joints, dimensionless, that counts as none."""
+
+TINY = 1e-300
+"""The least denominator, where one may be zero: far below anything that is measured."""
+EXACT = 1e-12
+"""Relative difference of two numbers that are the same: what one or two operations in double precision leave."""
+ROUNDING = 1e-9
+"""The same along a chain of operations."""
+COARSE = 1e-6
+"""The same where a file of six digits, a mesh or a solver with a tolerance of its own lies in between."""
+ON_GROUND = 1e-3
+"""Height, relative to the assembly's, up to which a part's lowest point counts as on the ground."""
+VISIBLE = 1e-3
+"""Share of the largest force from which on an arrow is drawn."""
+SAME_KG = 1e-3
+"""How much a payload may read back from what was sent: controllers round it."""
+LEAST_WAIT_S = 1e-3
+"""A socket's time limit of zero would mean never to wait."""
+MM = 1e-3
+"""A millimetre, in metres."""
+PLANE = 1e-4
+"""Height, relative to the contact's length, below which a bump counts as plane: nobody can make it."""

@@ -15,12 +15,8 @@ from mocca_robot.assembly import Assembly, Mesh, Polygon
 from mocca_robot.errors import MoccaError
 from sim.heard import heard
 from sim.scene import Compiled
+from sim.settings import ENERGY_GROWTH, OVERLAP
 
-ENERGY_GROWTH = 1e-3
-"""Energy a run may gain, as a share of what the free parts would lose by falling their own size. A sound run of
-contacts at rest gains about 1e-7; divergence gains orders of magnitude."""
-OVERLAP = 1e-3
-"""Penetration at the start, relative to the smaller part, that is no touch any more."""
 LOOK = 20
 """Steps between two looks at what, once wrong, stays wrong."""
 

@@ -1,4 +1,4 @@
-"""MuJoCo's settings, in one place with their reasons."""
+"""MuJoCo's settings, and what a run must show to be believed, in one place with their reasons."""
 
 from __future__ import annotations
 
@@ -10,6 +10,16 @@ from mocca_robot.assembly import Assembly
 
 LARGE = 60
 """Free parts from which the step is doubled: verdicts stay the same and a dome takes half the time."""
+ENERGY_GROWTH = 1e-3
+"""Energy a run may gain, as a share of what the free parts would lose by falling their own size. A sound run of
+contacts at rest gains about 1e-7; divergence gains orders of magnitude."""
+OVERLAP = 1e-3
+"""Penetration at the start, relative to the smaller part, that is no touch any more."""
+RESTS = 1e-6
+"""Sizes per second below which what sank rests."""
+KEEPS = 1e-3
+"""Displacement (sizes) up to which a free part that rests counts as keeping its place. At its limit it creeps with the
+settings' step, because contacts give in proportion to the step's square; then finer ones are tried."""
 
 
 @dataclass(frozen=True, kw_only=True)

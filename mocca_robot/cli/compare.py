@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import positive_if
+from mocca_robot.tolerances import ANGLE_ROUNDING_RAD
 
 if TYPE_CHECKING:
     from mocca_robot.arrays import BoolArray
@@ -142,7 +143,7 @@ def judged(joinery: JoinedParts) -> Variant:
         physics_stands=None if physics.verdict is Verdict.FAILED else physics.stands,
         tilt_rad=tilt,
         physics_tilt_rad=physical,
-        goes_in=all(i.alpha_rad > -1e-9 and not i.collides for i in straight),
+        goes_in=all(i.alpha_rad > -ANGLE_ROUNDING_RAD and not i.collides for i in straight),
         deadlocked=not leaving,
         remarks=(*joinery.remarks, *_deadlock_remarks(verification, leaving)),
     )
@@ -178,7 +179,7 @@ def _deadlock_remarks(verification: Verification, leaving: tuple[str, ...]) -> t
     if leaving:
         return ()
     moving = mobility(verification.graph).moving
-    stuck = [i for i in verification.insertions if i.alpha_rad < -1e-9]
+    stuck = [i for i in verification.insertions if i.alpha_rad < -ANGLE_ROUNDING_RAD]
     remarks = ["Deadlocked: no part can leave while the others stay."]
     if moving:
         remarks.append(f"Only together can they move: {', '.join(moving[:6])}{' …' if len(moving) > 6 else ''}.")

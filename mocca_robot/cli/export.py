@@ -12,6 +12,7 @@ from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.errors import InputError
 from mocca_robot.files.documents import parse_json, read_text
+from mocca_robot.tolerances import MM
 
 if TYPE_CHECKING:
     from mocca_robot.assembly import Assembly
@@ -194,7 +195,7 @@ def _write_meshes(args: argparse.Namespace, assembly: Assembly, stem: str) -> tu
     from mocca_robot.geometry.extrusion import surface
 
     flat = assembly
-    assembly = with_clearance(assembly, args.clearance * 1e-3 / args.scale) if args.clearance else assembly
+    assembly = with_clearance(assembly, args.clearance * MM / args.scale) if args.clearance else assembly
     thin = _thin(args, assembly)
     meshes = [surface(p) for p in assembly.parts]
     assembly = assembly.with_shapes(meshes)
@@ -235,7 +236,7 @@ def _thin(args: argparse.Namespace, assembly: Assembly) -> list[str]:
 
     limit = LEAST_WALL_MM.get(args.format, 0.0) if args.min_wall is None else args.min_wall
     scale = args.scale if args.bed else 1.0
-    return list(warnings(assembly, limit * 1e-3, scale)) if limit > 0 else []
+    return list(warnings(assembly, limit * MM, scale)) if limit > 0 else []
 
 
 def _write_beds(args: argparse.Namespace, source: Assembly, assembly: Assembly, folder: Path) -> list[Path]:
@@ -246,7 +247,7 @@ def _write_beds(args: argparse.Namespace, source: Assembly, assembly: Assembly, 
     sides = args.bed.lower().replace("×", "x").split("x")
     if len(sides) != 2 or not all(side.replace(".", "", 1).isdigit() and float(side) > 0 for side in sides):
         raise InputError(f"'{args.bed}' is no bed size; give width x depth in millimetres, such as --bed 220x220.")
-    bed = (float(sides[0]) * 1e-3, float(sides[1]) * 1e-3)
+    bed = (float(sides[0]) * MM, float(sides[1]) * MM)
     if not 0.0 <= args.label_depth < 1e3:
         raise InputError(f"--label-depth is {args.label_depth:g}; give a depth in mm, such as 0.4.")
     contacts = (
@@ -254,7 +255,7 @@ def _write_beds(args: argparse.Namespace, source: Assembly, assembly: Assembly, 
         if args.label_depth
         else ()
     )
-    nested = print_beds(assembly, bed, scale=args.scale, label_depth=args.label_depth * 1e-3, contacts=contacts)
+    nested = print_beds(assembly, bed, scale=args.scale, label_depth=args.label_depth * MM, contacts=contacts)
     return write_beds(nested, folder, args.format)
 
 

@@ -14,6 +14,7 @@ from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode, positive_if
 from mocca_robot.runtime.machine import processor
+from mocca_robot.tolerances import TOLERANCES
 
 PACKAGES = (
     *("numpy", "scipy", "networkx", "shapely", "trimesh", "manifold3d", "mapbox-earcut", "lxml", "mujoco"),
@@ -117,7 +118,7 @@ def solver(name: str) -> str | None:
     except Exception as error:  # whatever a broken installation raises is the answer
         return f"{found} does not work: {error}"
     residual = kkt_residual(system.matrix, wrench, price, velocity, forces)
-    return found if residual < 1e-6 else f"{found} is inaccurate (residual {residual:.1e})"
+    return found if residual < TOLERANCES.equilibrium_residual else f"{found} is inaccurate (residual {residual:.1e})"
 
 
 def opengl(backend: str) -> str:

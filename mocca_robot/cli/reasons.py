@@ -17,7 +17,7 @@ from mocca_robot.report.tilt_words import limit_words
 from mocca_robot.statics.cases import CaseVerdict, moving_parts
 from mocca_robot.statics.mobility import Mobility, loose_with_key
 from mocca_robot.statics.tilt_reserve import TiltReserve
-from mocca_robot.tolerances import PART_OVERLAP
+from mocca_robot.tolerances import ANGLE_ROUNDING_RAD, PART_OVERLAP
 from mocca_robot.verdicts.agreement import Remark, towards
 from mocca_robot.verdicts.verification import Verification
 
@@ -104,7 +104,7 @@ def insertion_finding(verdict: InsertionVerdict) -> NegativeVerdict:
     """Return why a part cannot be inserted as asked."""
     by = f" by {quoted(verdict.blockers)}" if verdict.blockers else ""
     asked = "" if verdict.required_rad is None else f" within ±{degrees(verdict.required_rad)}"
-    if verdict.alpha_rad <= -1e-9:
+    if verdict.alpha_rad <= -ANGLE_ROUNDING_RAD:
         why = f"it is enclosed{by}; no direction is free. Place it earlier in the sequence"
     elif verdict.collides:
         why = f"on its way it is hit{by}. Change the sequence, or its insertion direction"

@@ -25,6 +25,12 @@ from mocca_robot.files.goals import goals_from_data
 from mocca_robot.files.versions import CONFIG
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.statics.materials import Friction, require_materials
+from mocca_robot.tolerances import ON_GROUND
+
+SMALLEST_M = 1e-6
+"""Nothing smaller is built; it is a unit mistake."""
+THINNEST_M = 1e-4
+"""Thinner parts are more often a unit mistake than meant."""
 
 __all__ = ["Config", "CutOptions", "EffectiveValue", "JointOptions", "SimulationOptions", "load"]
 
@@ -264,7 +270,7 @@ def _require_fixed(parts: tuple[Part, ...], where: str) -> None:
     lowest = np.array([p.shape.bounds[0, -1] for p in parts])
     highest = max(float(p.shape.bounds[1, -1]) for p in parts)
     ground = lowest.min()
-    down = [p.name for p, low in zip(parts, lowest) if low <= ground + 1e-3 * (highest - ground)][:8]
+    down = [p.name for p, low in zip(parts, lowest) if low <= ground + ON_GROUND * (highest - ground)][:8]
     raise InputError(
         f"{where}: no part is fixed; say which ones stand on the ground. The lowest: fixed: [{', '.join(down)}]."
     )
@@ -273,7 +279,7 @@ def _require_fixed(parts: tuple[Part, ...], where: str) -> None:
 def _require_usable_size(parts: tuple[Part, ...], where: str) -> None:
     bounds = np.array([p.shape.bounds for p in parts])
     size = float(np.linalg.norm(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)))
-    if not 1e-6 < size < 1e6 or np.abs(bounds).max() > 1e4 * size:
+    if not SMALLEST_M < size < 1e6 or np.abs(bounds).max() > 1e4 * size:
         raise InputError(
             f"{where}: the assembly is {size:.3g} m in size, {np.abs(bounds).max():.3g} m from the origin; it must be "
             "between a micrometre and 1000 km, and no further away than 10000 times its size. Check units and scale."
@@ -287,7 +293,7 @@ def _suspicions(assembly: Assembly) -> tuple[str, ...]:
     if not low <= assembly.size <= high:
         found.append(f"The assembly is {assembly.size:.3g} m in size; is its unit right? ('units', 'scale')")
     for part in assembly.parts:
-        if isinstance(part.shape, Polygon) and not 1e-4 <= part.shape.thickness <= 10.0:
+        if isinstance(part.shape, Polygon) and not THINNEST_M <= part.shape.thickness <= 10.0:
             found.append(
                 f"Part '{part.name}' is {part.shape.thickness:.3g} m thick; is that meant? (thickness is in 'units')"
             )

@@ -11,6 +11,7 @@ import numpy as np
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields as checks
 from mocca_robot.statics.materials import read_friction
+from mocca_robot.tolerances import MM
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class Key:
         if self.kind == "integer":
             return checks.integer(data, where, int(self.low or 0), int(self.high or 10**6))
         if self.kind == "length":
-            metres = {"mm": 1e-3}.get(self.unit, unit_m)
+            metres = {"mm": MM}.get(self.unit, unit_m)
             return checks.length(data, metres, where, self.low, above=self.above)
         if self.kind == "boolean":
             return checks.boolean(data, where)

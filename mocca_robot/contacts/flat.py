@@ -11,7 +11,7 @@ from mocca_robot.arrays import Array, read_only
 from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.contacts.contact import Contact, ContactReport, NearMiss, Overlap
 from mocca_robot.geometry.polygons import to_shapely
-from mocca_robot.tolerances import NEARLY_PARALLEL_RAD, TOLERANCES, Tolerances
+from mocca_robot.tolerances import NEARLY_PARALLEL_RAD, TINY, TOLERANCES, Tolerances
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class _Edges:
         starts, ends = np.concatenate(start), np.concatenate(end)
         delta = ends - starts
         length = np.linalg.norm(delta, axis=1)
-        return cls(np.concatenate(part), starts, ends, delta / np.maximum(length, 1e-300)[:, None], length)
+        return cls(np.concatenate(part), starts, ends, delta / np.maximum(length, TINY)[:, None], length)
 
 
 def find_contacts_2d(assembly: Assembly, tolerances: Tolerances = TOLERANCES) -> ContactReport:

@@ -12,9 +12,13 @@ from mocca_robot.arrays import Array, IntArray
 from mocca_robot.assembly import Assembly, Mesh
 from mocca_robot.contacts.contact import Contact, Overlap
 from mocca_robot.geometry.facets import FacetSet
+from mocca_robot.tolerances import ROUNDING
 
 if TYPE_CHECKING:
     import manifold3d
+
+LARGE_FACE = 1e-3
+"""Share of the largest face from which on a face's direction is worth trying."""
 
 
 def penetrations(
@@ -112,7 +116,7 @@ def _apart_but_for_joint(i: int, j: int, faces: FacetSet, partner: IntArray, dep
     normal = area @ normals
     length = float(np.linalg.norm(normal))
     # Walls on opposite sides, as of a slot, have no side in common.
-    if (normals @ normal).min() <= 1e-9 * length:
+    if (normals @ normal).min() <= ROUNDING * length:
         return False
     normal /= length
     below = faces.vertices[faces.triangles[first][~shared]] @ normal
@@ -141,7 +145,7 @@ def _depth(common: manifold3d.Manifold) -> float:
         corners = points[np.asarray(mesh.tri_verts, dtype=np.int64)]
         vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.linalg.norm(vectors, axis=1)
-        large = length > 1e-3 * length.max(initial=0.0)
+        large = length > LARGE_FACE * length.max(initial=0.0)
         if large.any():
             normals = vectors[large] / length[large, None]
             width = np.ptp(normals @ points.T, axis=1).min()

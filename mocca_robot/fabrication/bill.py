@@ -10,6 +10,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Part, Polygon
+from mocca_robot.tolerances import COARSE, ROUNDING
 
 _Kind = tuple[tuple[bool, float, int], Array]
 
@@ -47,7 +48,7 @@ def bill(assembly: Assembly) -> tuple[Item, ...]:
     for k, part in enumerate(assembly.parts):
         mine = _kind(part, assembly.size)
         for kind, members in groups:
-            if kind[0] == mine[0] and np.allclose(kind[1], mine[1], rtol=1e-6, atol=1e-9):
+            if kind[0] == mine[0] and np.allclose(kind[1], mine[1], rtol=COARSE, atol=ROUNDING):
                 members.append(k)
                 break
         else:

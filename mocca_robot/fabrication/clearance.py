@@ -8,6 +8,10 @@ from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly, Mesh, Part, Polygon
 from mocca_robot.errors import InputError
 from mocca_robot.geometry.polygons import to_shapely
+from mocca_robot.tolerances import TINY
+
+ONE_PLANE = 1e-3
+"""Relative singular value of normals that say the same: faces of one bump, not another wall."""
 
 
 def with_clearance(assembly: Assembly, clearance: float) -> Assembly:
@@ -62,7 +66,7 @@ def _shared_triangles(meshes: list[Mesh]) -> list[BoolArray]:
 def _set_back(mesh: Mesh, shared: BoolArray, depth: float) -> Mesh:
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), TINY)[:, None]
     around: list[list[int]] = [[] for _ in mesh.vertices]
     for face, vertices in enumerate(mesh.faces):
         for vertex in vertices:
@@ -78,4 +82,4 @@ def _set_back(mesh: Mesh, shared: BoolArray, depth: float) -> Mesh:
 def _displacement(normals: Array, wanted: Array) -> Array:
     """Return the shortest d with normals·d ≈ wanted; facets in one plane count once."""
     _, first = np.unique(np.round(normals, 6), axis=0, return_index=True)
-    return np.asarray(np.linalg.lstsq(normals[first], wanted[first], rcond=1e-3)[0])
+    return np.asarray(np.linalg.lstsq(normals[first], wanted[first], rcond=ONE_PLANE)[0])

@@ -16,6 +16,10 @@ from mocca_robot.contacts.penetration import solid
 from mocca_robot.errors import InputError
 from mocca_robot.geometry.facets import facets
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.tolerances import COARSE
+
+SAME_PLANE = 1e-4
+"""Cosine short of 1, and distance relative to the size, of two faces that count as one."""
 
 SEGMENTS = {
     "0": "abcdef", "1": "bc", "2": "abged", "3": "abgcd", "4": "fgbc",
@@ -108,13 +112,13 @@ def engraved(mesh: Mesh, text: str, depth: float, touching: Sequence[tuple[Array
     `touching` (normal, point).
     """
     size = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
-    found = facets([mesh], 1e-6 * size)
+    found = facets([mesh], COARSE * size)
     best: tuple[float, Array, Array, Array] | None = None
     for facet in range(len(found.count)):
         normal = found.normals[facet]
         corners = found.vertices[found.loops(facet)[0]]
         flat = any(
-            abs(abs(float(n @ normal)) - 1.0) < 1e-4 and abs(float((corners[0] - p) @ n)) < 1e-4 * size
+            abs(abs(float(n @ normal)) - 1.0) < SAME_PLANE and abs(float((corners[0] - p) @ n)) < SAME_PLANE * size
             for n, p in touching
         )
         if flat:
@@ -159,7 +163,7 @@ def _strokes(text: str, radius: float, depth: float) -> list:  # type: ignore[ty
 
 def _laid_down(mesh: Mesh) -> Mesh:
     """Return the mesh turned onto its largest facet, its bounding box starting at the origin."""
-    found = facets([mesh], 1e-6 * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0))))
+    found = facets([mesh], COARSE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0))))
     area = np.zeros(len(found.count))
     corners = found.vertices[found.triangles]
     twice = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)

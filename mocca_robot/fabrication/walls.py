@@ -11,6 +11,10 @@ import shapely
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Mesh, Polygon
 from mocca_robot.geometry.polygons import to_shapely
+from mocca_robot.tolerances import ROUNDING, TINY
+
+OFF_FACE = 1e-7
+"""How far from its own face, relative to the size, a ray begins to look for the wall's other side."""
 
 SAMPLES = 600
 """Places of a solid part's surface at which its thickness is measured, spread by area."""
@@ -88,13 +92,13 @@ def _solid(mesh: Mesh) -> tuple[float, Array]:
     corners = mesh.vertices[mesh.faces]
     doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(doubled, axis=1)
-    normals = doubled / np.maximum(area, 1e-300)[:, None]
+    normals = doubled / np.maximum(area, TINY)[:, None]
     triangles, points = _samples(corners, area)
     size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     best, place = np.inf, np.zeros(3)
     for start in range(0, len(points), 64):
         mine = triangles[start : start + 64]
-        reach = _first_exit(points[start : start + 64], -normals[mine], corners, normals, 1e-7 * size)
+        reach = _first_exit(points[start : start + 64], -normals[mine], corners, normals, OFF_FACE * size)
         least = int(reach.argmin())
         if reach[least] < best:
             best, place = float(reach[least]), points[start + least]
@@ -122,7 +126,7 @@ def _first_exit(origins: Array, ways: Array, corners: Array, normals: Array, lea
         q = np.cross(s, edge1[None])
         v = np.einsum("ni,nfi->nf", ways, q) / det
         t = np.einsum("nfi,fi->nf", q, edge2) / det
-        inside = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1.0 + 1e-9) & (t > least)
+        inside = (u >= -ROUNDING) & (v >= -ROUNDING) & (u + v <= 1.0 + ROUNDING) & (t > least)
     reach = np.where(inside, t, np.inf)
     first = reach.argmin(axis=1)
     rows = np.arange(len(origins))

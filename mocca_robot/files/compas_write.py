@@ -15,6 +15,7 @@ from mocca_robot.contacts.contact import Contact
 from mocca_robot.files.output import write_json
 from mocca_robot.geometry.extrusion import standing, surface
 from mocca_robot.geometry.facets import facets
+from mocca_robot.tolerances import ROUNDING
 
 
 def write_compas(assembly: Assembly, path: Path, contacts: Sequence[Contact] = (), kind: str = "assembly") -> Path:
@@ -127,7 +128,7 @@ def _mesh_data(part: Part) -> dict[str, Any]:
 def _polygons(part: Part) -> tuple[Array, list[list[int]]]:
     """Return vertices and faces, flat regions as one polygon each where they have no hole."""
     mesh = surface(part)
-    found = facets([mesh], 1e-9 * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0))))
+    found = facets([mesh], ROUNDING * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0))))
     faces: list[list[int]] = []
     for facet in range(len(found.count)):
         loops = found.loops(facet)

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from mocca_robot.arrays import Array
+from mocca_robot.tolerances import COARSE, TINY
 
 CHORD_TOLERANCE = 2e-4
 """Largest distance between a curve and its chords, as a share of the drawing's size: 0.2 mm on a metre."""
@@ -96,7 +97,7 @@ def _with_corners(curve: Array, line: Array, corners: Array, slack: float) -> Ar
     for _ in range(8):  # Newton steps towards (B(t) − p)·B'(t) = 0, without the second derivative
         slope = 3 * _quadratic(np.diff(curve, axis=0), t)
         step = np.einsum("ij,ij->i", corners - _points(curve, t), slope)
-        t = (t + step / np.maximum(np.einsum("ij,ij->i", slope, slope), 1e-300)).clip(0.0, 1.0)
+        t = (t + step / np.maximum(np.einsum("ij,ij->i", slope, slope), TINY)).clip(0.0, 1.0)
     on_it = np.linalg.norm(corners - _points(curve, t), axis=1) <= slack
     own = np.linspace(0.0, 1.0, len(line))
     inserted, at = [*line], [*own]
@@ -149,7 +150,7 @@ def elliptic_arc(center: Array, u: Array, v: Array, start: float, sweep: float) 
 
     Each spans at most 30°: 4e-7 of the radius off, and the reversed arc has the same ones.
     """
-    pieces = max(1, int(np.ceil(abs(sweep) / (np.pi / 6) - 1e-6)))
+    pieces = max(1, int(np.ceil(abs(sweep) / (np.pi / 6) - COARSE)))
     t = start + np.arange(pieces + 1) * (sweep / pieces)
     step = sweep / pieces
     leg = np.sin(step) * (np.sqrt(4.0 + 3.0 * np.tan(step / 2.0) ** 2) - 1.0) / 3.0

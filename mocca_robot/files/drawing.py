@@ -14,6 +14,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.curves import conformed, copies_of, flattened
 from mocca_robot.files.rings import checked_polygon
+from mocca_robot.tolerances import ROUNDING
 
 MAX_CURVES = 100_000
 """Lines and curves of a drawing."""
@@ -169,7 +170,7 @@ def _part(
                 f"Part '{name}': its path is open, from {spoken(up[0])} to {spoken(up[-1])} ({gap:.4g} {unit} apart); "
                 "close it in the editor."
             )
-        keep = np.linalg.norm(np.diff(line, axis=0), axis=1) > 1e-9 * size
+        keep = np.linalg.norm(np.diff(line, axis=0), axis=1) > ROUNDING * size
         rings.append(up[:-1][keep])
     rings.sort(key=lambda r: -abs(signed_area(r)) if len(r) else 0.0)
     _require_one_piece(name, rings, spoken)

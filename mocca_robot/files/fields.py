@@ -10,6 +10,10 @@ import numpy as np
 
 from mocca_robot.arrays import Array, read_only
 from mocca_robot.errors import InputError, nearest
+from mocca_robot.tolerances import EXACT
+
+UNIT_LENGTH = 1e-15
+"""A vector whose length differs from 1 by less is left as it was written."""
 
 UNITS_M: Mapping[str, float] = {
     "um": 1e-6,
@@ -178,9 +182,9 @@ def direction(value: object, where: str, sizes: Sequence[int] = (2, 3)) -> Array
     """Return a unit vector (n,) from any nonzero vector; one that is a unit vector already stays bit for bit."""
     raw = vector(value, where, sizes)
     norm = float(np.linalg.norm(raw))
-    if not 1e-12 < norm < 1e12:
+    if not EXACT < norm < 1e12:
         raise InputError(f"{where} is {shown(value)}; a direction needs a usable length, for example [0, -1].")
-    return raw if abs(norm - 1.0) < 1e-15 else read_only(raw / norm)
+    return raw if abs(norm - 1.0) < UNIT_LENGTH else read_only(raw / norm)
 
 
 def box(value: object, where: str, size: int) -> Array:

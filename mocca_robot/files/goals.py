@@ -10,6 +10,9 @@ from mocca_robot.assembly import Equilibrium, Goal, Interlocking, Lateral, Suppo
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 
+LAST_DIGIT = 4e-16
+"""Two units in the last place: an angle in degrees and the same in radians differ by as much."""
+
 KINDS: dict[str, tuple[str, ...]] = {
     "equilibrium": (),
     "support_free": (),
@@ -71,4 +74,4 @@ def degrees(angle_rad: float) -> float:
     """Return an angle in degrees, rounded to the number a person wrote where that is the same angle."""
     exact = float(np.rad2deg(angle_rad))
     short = round(exact, 9)
-    return short if abs(float(np.deg2rad(short)) - angle_rad) <= 4e-16 * max(1.0, abs(angle_rad)) else exact
+    return short if abs(float(np.deg2rad(short)) - angle_rad) <= LAST_DIGIT * max(1.0, abs(angle_rad)) else exact

@@ -19,6 +19,7 @@ from mocca_robot.geometry import surfaces
 from mocca_robot.geometry.facets import distinct_rows
 from mocca_robot.geometry.gaps import cut_at_corners, filled
 from mocca_robot.geometry.surfaces import Edges
+from mocca_robot.tolerances import ROUNDING
 
 WELD = (1e-8, 1e-7, 1e-6, 1e-5)
 """Corners closer than these shares of the part's size are welded, the least that closes the surface: text files of six
@@ -247,11 +248,11 @@ def _split_into_bodies(name: str, vertices: Array, faces: IntArray, body: IntArr
 
 def _is_sheet(mesh: Mesh) -> bool:
     size = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
-    return abs(mesh.volume) <= 1e-9 * _area(mesh.vertices, mesh.faces) * size
+    return abs(mesh.volume) <= ROUNDING * _area(mesh.vertices, mesh.faces) * size
 
 
 def _slivers(mesh: Mesh) -> int:
     corners = mesh.vertices[mesh.faces]
     twice = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    return int((twice <= 1e-9 * longest**2).sum())
+    return int((twice <= ROUNDING * longest**2).sum())

@@ -14,6 +14,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
 from mocca_robot.files.curves import elevated, flattened
 from mocca_robot.files.drawing import Shape, Subpath, add_chain
+from mocca_robot.tolerances import ROUNDING
 
 JOIN = 1e-5
 """Ends of lines that are closer than this share of what is drawn together meet."""
@@ -40,7 +41,7 @@ def shapes_of(group: Group, texts: Sequence[tuple[str, tuple[float, float]]], wh
     tree = shapely.STRtree(sound)
     for k in order:
         around = [int(j) for j in tree.query(sound[k].representative_point(), predicate="within") if j != k]
-        larger = [j for j in around if sound[j].area > sound[k].area * (1 + 1e-9)]
+        larger = [j for j in around if sound[j].area > sound[k].area * (1 + ROUNDING)]
         if larger:
             parents[k] = min(larger, key=lambda j: sound[j].area)
 

@@ -20,6 +20,9 @@ from mocca_robot.files.outlines import Group, numbered, shapes_of
 from mocca_robot.files.svg_css import is_background
 from mocca_robot.files.svg_tree import Outline, outlines, parse_length, parse_xml
 
+SAME_UNIT, KNOWN_UNIT = 1e-3, 1e-4
+"""How much a drawing's unit, as its size tells it, may differ from the one it is said to have, and from a known one."""
+
 MAX_SVG_BYTES = 16 * 1024 * 1024
 MAX_PATH_DATA = 2_000_000
 MAX_ARCS = 10_000
@@ -106,7 +109,7 @@ def _drawing_unit(root: ET.Element, declared: str | None, where: str) -> tuple[s
     physical = _physical_unit_m(root, where)
     if declared is not None:
         unit_m = fields.UNITS_M[declared]
-        if physical is not None and abs(physical / unit_m - 1.0) > 1e-3:
+        if physical is not None and abs(physical / unit_m - 1.0) > SAME_UNIT:
             raise InputError(
                 f"{where} says that one of its units is {physical * 1e3:.6g} mm (width and viewBox), but units: "
                 f"{declared} says {unit_m * 1e3:.6g} mm; remove one of the two, or use 'scale'."
@@ -117,7 +120,7 @@ def _drawing_unit(root: ET.Element, declared: str | None, where: str) -> tuple[s
             f"{where} has no physical size (its width is {fields.shown(root.get('width', 'missing'))}); say what its "
             "numbers are with 'units: mm' in a configuration (or units: px), or save it with width and height in mm."
         )
-    known = [u for u, m in fields.UNITS_M.items() if abs(physical / m - 1.0) < 1e-4]
+    known = [u for u, m in fields.UNITS_M.items() if abs(physical / m - 1.0) < KNOWN_UNIT]
     return (known[0] if known else "drawing units"), physical
 
 

@@ -12,6 +12,9 @@ from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
 from mocca_robot.files.fields import UNITS_M, shown
 
+ON_RIM = 1e-3
+"""Share of a box's side by which a corner may lie off its rim."""
+
 MOST_RULES = 5000
 """Of all style sheets of a drawing; editors write one per look."""
 _VALUE = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-z%]*)")
@@ -125,5 +128,5 @@ def is_background(corners: Array, low: Array, high: Array) -> bool:
     if len(corners) not in (4, 5) or not (size > 0).all():
         return False
     share = (corners - low) / size
-    on_rim = (np.minimum(np.abs(share), np.abs(share - 1.0)) < 1e-3).all()
+    on_rim = (np.minimum(np.abs(share), np.abs(share - 1.0)) < ON_RIM).all()
     return bool(on_rim and (np.ptp(share, axis=0) > 0.998).all())

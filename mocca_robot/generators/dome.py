@@ -14,6 +14,7 @@ from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Part
 from mocca_robot.errors import InputError
 from mocca_robot.generators.parameters import GeneratorParameters
 from mocca_robot.generators.surface import Surface, thicken
+from mocca_robot.tolerances import ROUNDING
 
 DEFAULTS: dict[str, Any] = {
     "radius": 1.0,
@@ -41,7 +42,7 @@ class Ring:
     @property
     def closed(self) -> bool:
         """Return whether the last block meets the first."""
-        return bool(self.below[-1] - self.below[0] > 2 * np.pi - 1e-9)
+        return bool(self.below[-1] - self.below[0] > 2 * np.pi - ROUNDING)
 
 
 def dome(given: Mapping[str, Any], _folder: Path) -> Assembly:
@@ -159,6 +160,6 @@ def ring_surface(rings: list[Ring], profile: Array, cap: bool) -> tuple[Surface,
 
 def _between(turns: Array, corners: list[int], start: float, end: float) -> list[int]:
     """Return the corners of a bed from azimuth `start` to `end`, ascending."""
-    along = (turns - start + 1e-9) % (2 * np.pi) - 1e-9
+    along = (turns - start + ROUNDING) % (2 * np.pi) - ROUNDING
     order = np.argsort(along)
-    return [corners[o] for o in order if along[o] <= end - start + 1e-9]
+    return [corners[o] for o in order if along[o] <= end - start + ROUNDING]

@@ -14,6 +14,10 @@ from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Mesh, Part
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.generators.parameters import REQUIRED, GeneratorParameters
+from mocca_robot.tolerances import EXACT, ROUNDING
+
+ON_PLANE = 1e-8
+"""Distance, relative to the size of what is cut, at which a corner counts as on the plane."""
 
 LARGEST = 1e9
 """Coordinates beyond leave no digits for the rods' sections."""
@@ -48,7 +52,7 @@ def frame(given: Mapping[str, Any], folder: Path) -> Assembly:
     width, height = p.number("width", 1e-5, 1e3), p.number("height", 1e-5, 1e3)
     density = p.number("density", 0.0, 1e5)
     low = float(nodes[:, 2].min())
-    ground = nodes[:, 2] <= low + p.at_least("ground", 0.0, 0.5) * np.ptp(nodes[:, 2]) + 1e-12
+    ground = nodes[:, 2] <= low + p.at_least("ground", 0.0, 0.5) * np.ptp(nodes[:, 2]) + EXACT
     at_node: dict[int, list[tuple[int, Array]]] = {}
     for r, (a, b) in enumerate(rods):
         along = nodes[b] - nodes[a]
@@ -146,7 +150,7 @@ def _facing(beside: list[Array]) -> float:
     over their horizontal parts h, since a section looks the same after a quarter turn; 0 where nobody is beside it."""
     level = np.array([d[0] + 1j * d[1] for d in beside])
     pull = complex((np.abs(level) * np.exp(4j * np.angle(level))).sum()) if len(level) else 0j
-    return float(np.angle(pull)) / 4.0 if abs(pull) > 1e-9 else 0.0
+    return float(np.angle(pull)) / 4.0 if abs(pull) > ROUNDING else 0.0
 
 
 def _end(
@@ -180,7 +184,7 @@ def convex_body(planes: Array, inside: Array, reach: float) -> Mesh:
     points = [inside + reach * np.array([x, y, z]) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)]
     faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]
     for row in planes:
-        faces = _cut(points, faces, row, 1e-8 * reach)
+        faces = _cut(points, faces, row, ON_PLANE * reach)
     triangles = [[f[0], f[k], f[k + 1]] for f in faces for k in range(1, len(f) - 1)]
     used, local = np.unique(np.array(triangles), return_inverse=True)
     return Mesh(np.array(points)[used], local.reshape(-1, 3))

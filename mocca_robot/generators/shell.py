@@ -14,6 +14,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.generators.bond import running_bond_quads
 from mocca_robot.generators.parameters import REQUIRED, GeneratorParameters
 from mocca_robot.generators.surface import Surface, planar_directions, thicken
+from mocca_robot.tolerances import COARSE, EXACT, ROUNDING
 
 DEFAULTS: dict[str, Any] = {
     "surface": REQUIRED,
@@ -73,7 +74,7 @@ def shell(given: Mapping[str, Any], folder: Path) -> Assembly:
     density = p.number("density", 0.0, 1e5)
     parts = []
     for loop, mesh, name in zip(surface.faces, meshes, names):
-        low = height[list(loop)] <= level + 1e-12
+        low = height[list(loop)] <= level + EXACT
         parts.append(Part(name, mesh, density, fixed=bool((low & np.roll(low, 1)).any())))
     if not any(part.fixed for part in parts):
         raise InputError(f"shell.surface: no polygon of '{path}' has an edge on the ground; raise shell.ground.")
@@ -106,13 +107,13 @@ def joined(surface: Surface) -> Surface:
             loop.append(a)
             span = points[b] - points[a]
             length = float(np.linalg.norm(span))
-            if length <= 1e-9 * size:
+            if length <= ROUNDING * size:
                 where = ", ".join(f"{x:.4g}" for x in points[a])
                 raise InputError(f"A polygon has an edge without length near ({where}); merge the two corners.")
-            near = used[tree.query(shapely.linestrings([points[a, :2], points[b, :2]]).buffer(1e-6 * size))]
+            near = used[tree.query(shapely.linestrings([points[a, :2], points[b, :2]]).buffer(COARSE * size))]
             along = (points[near] - points[a]) @ span / length
             off = np.linalg.norm(points[near] - points[a] - along[:, None] * span / length, axis=1)
-            inside = (off <= 1e-6 * size) & (along > 1e-6 * size) & (along < length - 1e-6 * size)
+            inside = (off <= COARSE * size) & (along > COARSE * size) & (along < length - COARSE * size)
             loop += [int(near[k]) for k in np.flatnonzero(inside)[np.argsort(along[inside])]]
         faces.append(loop)
     return Surface(points, tuple(tuple(f) for f in faces))

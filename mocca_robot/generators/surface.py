@@ -17,6 +17,12 @@ from mocca_robot.arrays import Array, IntArray
 from mocca_robot.assembly import Mesh
 from mocca_robot.errors import InputError
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.tolerances import ROUNDING, TINY
+
+PLANAR = 1e-14
+"""Triple product of unit vectors at which a wall counts as planar: what rounding leaves."""
+RIDGE = 1e-12
+"""Added to the squared equations, so that dependent ones can be solved."""
 
 FLATTEST = 1e-9
 """Area of a polygon, relative to the squares of its edges, from which it has a normal."""
@@ -64,7 +70,7 @@ class Surface:
             angle = np.arccos(np.clip(np.einsum("ij,ij->i", a, b), -1, 1))
             np.add.at(total, list(face), angle[:, None] * mean / np.linalg.norm(mean))
         length = np.linalg.norm(total, axis=1)
-        return np.asarray(total / np.maximum(length, 1e-300)[:, None])
+        return np.asarray(total / np.maximum(length, TINY)[:, None])
 
 
 def planar_directions(
@@ -82,7 +88,7 @@ def planar_directions(
     normals = surface.vertex_normals()
     if start is not None:
         length = np.linalg.norm(start, axis=1)
-        normals = np.where(length[:, None] > 0, start / np.maximum(length, 1e-300)[:, None], normals)
+        normals = np.where(length[:, None] > 0, start / np.maximum(length, TINY)[:, None], normals)
     start = normals
     directions = start.copy()
     if len(edges) == 0:
@@ -94,7 +100,7 @@ def planar_directions(
     rows = np.repeat(np.arange(len(edges)), 2)
     for _ in range(rounds):
         value = np.einsum("ij,ij->i", span, np.cross(directions[a], directions[b]))
-        if np.abs(value).max() < 1e-14:
+        if np.abs(value).max() < PLANAR:
             break
         by_a, by_b = np.cross(directions[b], span), np.cross(span, directions[a])
         columns, entries = [], []
@@ -113,9 +119,9 @@ def planar_directions(
             shape=(len(edges), 2 * len(start)),
         )
         # Least change that solves the linearised equations; the small ridge copes with dependent ones.
-        gram = (jacobian @ jacobian.T + 1e-12 * sp.eye_array(len(edges))).tocsc()
+        gram = (jacobian @ jacobian.T + RIDGE * sp.eye_array(len(edges))).tocsc()
         step = -(jacobian.T @ spsolve(gram, value)).reshape(-1, 2)
-        step *= min(1.0, 0.2 / max(float(np.abs(step).max()), 1e-300))
+        step *= min(1.0, 0.2 / max(float(np.abs(step).max()), TINY))
         directions = directions + step[:, :1] * first + step[:, 1:] * second
     return directions, wall_deviation(surface.points, directions, edges, thickness)
 
@@ -125,7 +131,7 @@ def wall_deviation(points: Array, directions: Array, edges: IntArray, thickness:
     a, b = edges.T
     span = points[b] - points[a]
     normal = np.cross(span, directions[a])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), TINY)[:, None]
     return np.asarray(np.abs(np.einsum("ij,ij->i", normal, directions[b])) * thickness)
 
 
@@ -176,7 +182,7 @@ def triangulated_loop(points: Array) -> list[tuple[int, int, int]]:
         sides = points[[j, k, i]] - points[[i, j, k]]
         area = float(np.cross(sides[0], sides[1]) @ normal)
         square = float((sides**2).sum())
-        return square / area if area > 1e-9 * square else 1e9 + (0.0 if area > -1e-9 * square else 1e9)
+        return square / area if area > ROUNDING * square else 1e9 + (0.0 if area > -ROUNDING * square else 1e9)
 
     cost = np.zeros((n, n))
     pick = np.zeros((n, n), dtype=np.int64)

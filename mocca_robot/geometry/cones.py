@@ -13,6 +13,10 @@ from scipy.optimize import linprog, nnls
 from scipy.spatial import ConvexHull, QhullError
 
 from mocca_robot.arrays import Array, IntArray, read_only
+from mocca_robot.tolerances import COARSE, EXACT, ROUNDING, TINY
+
+WELL_INSIDE = 1e-3
+"""Cosine that the mean of rays has to every one of them to be a cut plane without further search."""
 
 
 def cross(r: Array, n: Array) -> Array:
@@ -38,8 +42,8 @@ def extreme_rays(rays: Array, tolerance: float = 1e-9) -> IntArray:
     slice's vertices are the extreme rays. A cone that is not pointed keeps all rays but exact repeats.
     """
     scale = np.linalg.norm(rays, axis=1)
-    unit = rays / np.maximum(scale, 1e-300)[:, None]
-    _, first = np.unique(np.round(unit / 1e-12), axis=0, return_index=True)
+    unit = rays / np.maximum(scale, TINY)[:, None]
+    _, first = np.unique(np.round(unit / EXACT), axis=0, return_index=True)
     first = np.sort(first[scale[first] > 0]).astype(np.int64)
     plane = cut_plane(unit[first])
     if plane is None:
@@ -47,7 +51,7 @@ def extreme_rays(rays: Array, tolerance: float = 1e-9) -> IntArray:
     section = unit[first] / (unit[first] @ plane)[:, None]
     centred = section - section.mean(axis=0)
     _, spread, axes = np.linalg.svd(centred, full_matrices=False)
-    rank = int((spread > tolerance * max(spread[0], 1e-300)).sum()) if spread.size and spread[0] > tolerance else 0
+    rank = int((spread > tolerance * max(spread[0], TINY)).sum()) if spread.size and spread[0] > tolerance else 0
     if rank == 0:
         return first[:1]
     flat = centred @ axes[:rank].T
@@ -69,7 +73,7 @@ def cut_plane(rays: Array) -> Array | None:
     """
     mean = rays.mean(axis=0)
     norm = np.linalg.norm(mean)
-    if norm > 0 and (rays @ mean).min() > 1e-3 * norm:
+    if norm > 0 and (rays @ mean).min() > WELL_INSIDE * norm:
         return np.asarray(mean / norm)
     m, d = rays.shape
     result = linprog(
@@ -79,7 +83,7 @@ def cut_plane(rays: Array) -> Array | None:
         bounds=[(-1, 1)] * d + [(None, 1)],
         method="highs",
     )
-    if not result.success or result.x is None or result.x[-1] <= 1e-9:
+    if not result.success or result.x is None or result.x[-1] <= ROUNDING:
         return None
     return np.asarray(result.x[:d] / np.linalg.norm(result.x[:d]))
 
@@ -148,7 +152,7 @@ def _smallest_cap_3d(normals: Array) -> tuple[Array, float]:
             method="highs",
         )
         axis = np.zeros(3) if result.x is None else result.x[:3]
-        if np.linalg.norm(axis) <= 1e-9:
+        if np.linalg.norm(axis) <= ROUNDING:
             axis = _sliding_direction(candidates)
         axis = axis / np.linalg.norm(axis)
         return np.asarray(axis), float(np.arccos(np.clip((candidates @ axis).min(), -1, 1)))
@@ -160,12 +164,12 @@ def _smallest_cap_3d(normals: Array) -> tuple[Array, float]:
 def _sliding_direction(normals: Array) -> Array:
     """Return a direction (3,) that slides along walls on all sides, as out of a mortise; up when nothing is free."""
     opening = linprog(
-        -normals.sum(axis=0), A_ub=-normals, b_ub=np.full(len(normals), 1e-12), bounds=[(-1, 1)] * 3, method="highs"
+        -normals.sum(axis=0), A_ub=-normals, b_ub=np.full(len(normals), EXACT), bounds=[(-1, 1)] * 3, method="highs"
     )
-    if opening.success and opening.x is not None and np.linalg.norm(opening.x) > 1e-6:
+    if opening.success and opening.x is not None and np.linalg.norm(opening.x) > COARSE:
         return np.asarray(opening.x)
     _, spread, axes = np.linalg.svd(normals, full_matrices=True)
-    if len(spread) < 3 or spread[-1] <= 1e-9 * spread[0]:
+    if len(spread) < 3 or spread[-1] <= ROUNDING * spread[0]:
         return np.asarray(axes[-1])
     return np.array([0.0, 0.0, 1.0])
 

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 
 from mocca_robot.arrays import Array, IntArray
 from mocca_robot.assembly import Mesh
+from mocca_robot.tolerances import EXACT, TINY
 
 MERGE_ANGLE_RAD = 2e-5
 """Adjacent triangles that differ by less are one face. Six-digit files turn a face by about 5e-6; a finely
@@ -103,7 +104,7 @@ def facets(meshes: Sequence[Mesh], flatness: float) -> FacetSet:
     area_vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     twice_area = np.linalg.norm(area_vectors, axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    keep = twice_area > 1e-12 * longest**2
+    keep = twice_area > EXACT * longest**2
     part, triangles, corners = part[keep], triangles[keep], corners[keep]
     area_vectors, twice_area = area_vectors[keep], twice_area[keep]
     normals = area_vectors / twice_area[:, None]
@@ -152,7 +153,7 @@ def distinct_rows(rows: Array) -> tuple[Array, IntArray]:
 
 def _mean_normals(facet: IntArray, area_vectors: Array) -> Array:
     total = np.stack([np.bincount(facet, weights=area_vectors[:, k]) for k in range(3)], axis=1)
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None])
+    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1), TINY)[:, None])
 
 
 def _merge(triangles: IntArray, part: IntArray, normals: Array, vertex_count: int) -> IntArray:

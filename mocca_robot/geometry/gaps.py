@@ -8,6 +8,7 @@ from mocca_robot.arrays import Array, IntArray
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.geometry.surfaces import Edges, without_copies
 from mocca_robot.geometry.triangulation import split_facets, triangulate_loops
+from mocca_robot.tolerances import EXACT, TINY
 
 MOST_CORNERS = 4
 """Of a hole that is closed: larger ones are more often meant, as in a surface that has no thickness yet."""
@@ -32,7 +33,7 @@ def cut_at_corners(vertices: Array, faces: IntArray, slack: float) -> tuple[IntA
     at, edge = tree.query(shapely.points(vertices[corners][:, spread]), predicate="dwithin", distance=slack)
     point, (a, b) = corners[at], loose[edge].T
     along = vertices[b] - vertices[a]
-    length = np.maximum(np.linalg.norm(along, axis=1), 1e-300)
+    length = np.maximum(np.linalg.norm(along, axis=1), TINY)
     t = np.einsum("ij,ij->i", vertices[point] - vertices[a], along) / length
     off = np.linalg.norm(vertices[point] - vertices[a] - (t / length)[:, None] * along, axis=1)
     inside = (off <= slack) & (t > slack) & (t < length - slack)
@@ -54,7 +55,7 @@ def filled(vertices: Array, faces: IntArray, size: float) -> tuple[IntArray, int
         middle = points.mean(axis=0)
         normal = np.cross(points - middle, np.roll(points, -1, axis=0) - middle).sum(axis=0)
         length = float(np.linalg.norm(normal))
-        if _corners(points) > MOST_CORNERS or length <= 1e-12 * size**2:
+        if _corners(points) > MOST_CORNERS or length <= EXACT * size**2:
             continue
         if np.abs((points - middle) @ (normal / length)).max() > FLAT * size:
             continue

@@ -14,6 +14,10 @@ import numpy as np
 
 from mocca_robot.arrays import Array, IntArray
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.tolerances import ROUNDING, TINY
+
+CROSSES = 1e-14
+"""Sine of an angle between two planes, times the size squared, below which they have no line in common."""
 
 TIE = 1e-5
 """Diagonals whose lengths differ by a smaller share are equally long."""
@@ -60,7 +64,7 @@ def _quads(vertices: Array, quads: IntArray) -> IntArray:
     tie = np.abs(lengths[0] - lengths[1]) <= TIE * lengths.max(axis=0)
     shorter = np.where(tie, reach.argmax(axis=1) % 2 == 1, lengths[1] < lengths[0])
     # A cut outside a quadrilateral that bends in turns a triangle over.
-    folded = [w <= 1e-9 for w in worst]
+    folded = [w <= ROUNDING for w in worst]
     second = np.where(folded[0] == folded[1], shorter, folded[0])
     q = np.where(second[:, None], np.roll(quads, -1, axis=1), quads)
     return np.stack([q[:, [0, 1, 2]], q[:, [0, 2, 3]]], axis=1)
@@ -68,7 +72,7 @@ def _quads(vertices: Array, quads: IntArray) -> IntArray:
 
 def _worst(p: Array, normal: Array, cut: tuple[tuple[int, int, int], ...]) -> Array:
     """Return (Q,) the lesser share of the quadrilateral's area vector that the two triangles of a cut have."""
-    scale = np.maximum(np.einsum("ij,ij->i", normal, normal), 1e-300)
+    scale = np.maximum(np.einsum("ij,ij->i", normal, normal), TINY)
     areas = [np.einsum("ij,ij->i", np.cross(p[:, b] - p[:, a], p[:, c] - p[:, a]), normal) for a, b, c in cut]
     return np.asarray(np.minimum(*areas) / scale)
 
@@ -83,7 +87,7 @@ def _polygon(vertices: Array, face: IntArray) -> IntArray:
     normal = np.cross(relative, np.roll(relative, -1, axis=0)).sum(axis=0)
     length = float(np.linalg.norm(normal))
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    if length <= 1e-14 * size**2:
+    if length <= CROSSES * size**2:
         return np.array([[face[0], face[k], face[k + 1]] for k in range(1, len(face) - 1)])
     normal /= length
     flat = relative @ tangents(normal).T
@@ -134,7 +138,7 @@ def _ears(points: Array, flat: Array) -> IntArray | None:
 def _is_ear(flat: Array, a: int, b: int, c: int, left: Sequence[int]) -> bool:
     """Return whether the triangle a, b, c turns left and holds no other corner."""
     p, q, r = flat[a], flat[b], flat[c]
-    if _cross(p, q, r) <= 1e-9 * float((r - p) @ (r - p)):
+    if _cross(p, q, r) <= ROUNDING * float((r - p) @ (r - p)):
         return False
     others = flat[[v for v in left if v not in (a, b, c)]]
     sides = np.stack([_cross(u, v, others) for u, v in ((p, q), (q, r), (r, p))])

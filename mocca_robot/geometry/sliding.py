@@ -7,6 +7,10 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.geometry.cones import extreme_rays
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.tolerances import TINY
+
+LEAN = 1e-3
+"""Singular value of directions that span one more dimension; and the share of leaving faces that turns a middle."""
 
 SLIDE = 1e-6
 """Sine by which a way may run into a face and still slides along it: files of six digits turn faces by as much."""
@@ -34,7 +38,7 @@ def sliding_ways(normals: Array) -> tuple[Array, bool]:
         whole = len(distinct) <= MOST_NORMALS
         distinct = distinct[:MOST_NORMALS]
     edges = _free(normals, _edges(distinct))
-    span = int(np.linalg.matrix_rank(edges, tol=1e-3)) if len(edges) else 0
+    span = int(np.linalg.matrix_rank(edges, tol=LEAN)) if len(edges) else 0
     if d == 2 or span <= 1:
         return edges, whole and span <= 1
     turn = 2 * np.pi * np.arange(TURNS) / TURNS
@@ -62,7 +66,7 @@ def _edges(normals: Array) -> Array:
 
 
 def _unit(rows: Array) -> Array:
-    return np.asarray(rows / np.maximum(np.linalg.norm(rows, axis=1), 1e-300)[:, None])
+    return np.asarray(rows / np.maximum(np.linalg.norm(rows, axis=1), TINY)[:, None])
 
 
 def _free(normals: Array, ways: Array) -> Array:
@@ -70,7 +74,7 @@ def _free(normals: Array, ways: Array) -> Array:
     first, then what leads up.
     """
     length = np.linalg.norm(ways, axis=1)
-    unit = ways[length > 1e-6] / length[length > 1e-6, None]
+    unit = ways[length > SLIDE] / length[length > SLIDE, None]
     lift = unit @ normals.T
     free = np.asarray(lift.min(axis=1, initial=1.0) >= -SLIDE)
     unit, lift = unit[free], lift[free]
@@ -87,4 +91,4 @@ def _middle(normals: Array, edges: Array) -> Array:
     """Return a direction (1, d) amid the edges, clear of every face that any of them leaves."""
     lift = edges @ normals.T
     leaving = normals[np.asarray((lift > SLIDE).any(axis=0))].sum(axis=0)
-    return np.stack([edges.sum(axis=0) + 1e-3 * leaving])
+    return np.stack([edges.sum(axis=0) + LEAN * leaving])

@@ -14,6 +14,7 @@ from scipy.spatial import KDTree
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.tolerances import TINY
 
 SAME_ANGLE = 1e-6
 """Radians; triangles around an edge that differ by less lie on each other."""
@@ -196,7 +197,7 @@ def _around(vertices: Array, faces: IntArray, sides: IntArray) -> tuple[IntArray
     start, end, apex = faces[f, k], faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
     low, high = min(start[0], end[0]), max(start[0], end[0])
     axis = vertices[high] - vertices[low]
-    axis = axis / max(float(np.linalg.norm(axis)), 1e-300)
+    axis = axis / max(float(np.linalg.norm(axis)), TINY)
     first, second = tangents(axis)
     arms = vertices[apex] - vertices[low]
     angle = np.arctan2(arms @ second, arms @ first)

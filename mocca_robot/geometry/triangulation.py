@@ -14,6 +14,7 @@ from typing import cast
 import numpy as np
 
 from mocca_robot.arrays import Array, IntArray
+from mocca_robot.tolerances import EXACT, TINY
 
 SLIVER = 1e-9
 """Triangles whose height is below this share of their longest edge count as degenerate: their normals are noise."""
@@ -30,7 +31,7 @@ def triangulate_loops(points: Array, loops: Sequence[IntArray]) -> IntArray:
     order = np.concatenate(loops)
     origin, scale = points[order].mean(axis=0), float(np.ptp(points[order], axis=0).max()) or 1.0
     rings = [(points[loop] - origin) / scale for loop in loops]
-    found = np.asarray(triangulate(rings, 1e-12, False), dtype=np.int64).reshape(-1, 3)
+    found = np.asarray(triangulate(rings, EXACT, False), dtype=np.int64).reshape(-1, 3)
     return without_slivers(points, order[found])
 
 
@@ -51,7 +52,7 @@ def _relative_heights(points: Array, facets: IntArray) -> Array:
     ab, ac, bc = b - a, c - a, c - b
     doubled = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
     longest = np.maximum(np.maximum((ab**2).sum(axis=1), (ac**2).sum(axis=1)), (bc**2).sum(axis=1))
-    return np.asarray(doubled / np.maximum(longest, 1e-300))
+    return np.asarray(doubled / np.maximum(longest, TINY))
 
 
 def _flip(points: Array, facets: IntArray, sliver: int) -> IntArray | None:
@@ -131,7 +132,7 @@ def _next_around(points: Mapping[int, Array], before: int, here: int, choices: S
     for choice in choices:
         way = points[choice] - points[here]
         turn = np.arctan2(back[1] * way[0] - back[0] * way[1], back @ way) % (2 * np.pi)
-        angles.append(turn if turn > 1e-12 else 2 * np.pi)
+        angles.append(turn if turn > EXACT else 2 * np.pi)
     return choices[int(np.argmin(angles))]
 
 

@@ -28,7 +28,7 @@ from mocca_robot.geometry.triangulation import (
     triangulate_loops,
 )
 from mocca_robot.joints.joint import Joint
-from mocca_robot.tolerances import TOLERANCES, Tolerances
+from mocca_robot.tolerances import TINY, TOLERANCES, Tolerances
 
 
 def build_parts_3d(assembly: Assembly, joints: Sequence[Joint], tolerances: Tolerances = TOLERANCES) -> Assembly:
@@ -166,7 +166,7 @@ def _groups(
     """Return joints that share a face of the part, with the (F,) mask of the input triangles of that face."""
     corners = mesh.vertices[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), TINY)[:, None]
     groups: list[tuple[list[int], BoolArray]] = []
     for e, sign in outward.items():
         contact = joints[e].contact

@@ -13,6 +13,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array, IntArray, read_only
 from mocca_robot.joints.rectangle import Rectangle
+from mocca_robot.tolerances import ROUNDING
 
 FLANK_SEGMENTS = 3
 """Straight pieces per flank: 98 triangles a patch; its steepest piece has 96 % of the curved patch's slope."""
@@ -117,7 +118,7 @@ def bump_pattern(flank_segments: int = FLANK_SEGMENTS, kind: str = "n") -> BumpP
     middle_x, middle_y = 0.5 * (x[1:] + x[:-1]) - 0.5, 0.5 * (n_x[1:] + n_x[:-1]) - 0.5
     if kind == "z":
         middle_x = np.abs(middle_x) - 0.25
-        middle_x[x[1:] > 0.5 + 1e-9] *= -1.0
+        middle_x[x[1:] > 0.5 + ROUNDING] *= -1.0
     main = (middle_y[:, None] * middle_x[None]).ravel() >= 0
     first = np.where(main[:, None], np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1))
     second = np.where(main[:, None], np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
@@ -187,7 +188,7 @@ def lean_of(rectangles: Rectangles, u: Array) -> Array:
     """Return the lean (E, 2) whose directions are `u` (E, 3). Raises ValueError where u·n < 0.3 |u|."""
     local = np.einsum("ed,ekd->ek", u, rectangles.axes)
     share = local[:, 2] / np.linalg.norm(u, axis=1)
-    if len(share) and share.min() < MIN_NORMAL_SHARE - 1e-9:
+    if len(share) and share.min() < MIN_NORMAL_SHARE - ROUNDING:
         worst = int(share.argmin())
         raise ValueError(f"u of joint {worst} has u·n = {share[worst]:.3f}; at least {MIN_NORMAL_SHARE} is needed")
     return np.asarray(local[:, :2] / local[:, 2:])

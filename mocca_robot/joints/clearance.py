@@ -17,7 +17,7 @@ from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly, Mesh
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.bicubic import Rectangles
-from mocca_robot.tolerances import TOLERANCES
+from mocca_robot.tolerances import TINY, TOLERANCES
 
 STEPS = 24
 """Steps along u; each at least halves what is left of the way to the limit."""
@@ -115,7 +115,7 @@ class _Facing:
             index[row, : len(other)], real[row, : len(other)] = other, True
         edges = np.roll(corners, -1, axis=2) - corners
         normals = np.cross(edges[:, :, 0], edges[:, :, 1])
-        normals /= np.maximum(np.linalg.norm(normals, axis=2), 1e-300)[..., None]
+        normals /= np.maximum(np.linalg.norm(normals, axis=2), TINY)[..., None]
         origin, axes = rectangles.origin[index], rectangles.axes[index]
         return cls(
             corners=corners,
@@ -136,7 +136,7 @@ class _Facing:
         for k in range(3):
             a, e = self.corners[:, :, k], self.edges[:, :, k]
             along = _dot(points, e) - (a * e).sum(axis=2)[:, None]
-            length = np.maximum((e**2).sum(axis=2), 1e-300)[:, None]
+            length = np.maximum((e**2).sum(axis=2), TINY)[:, None]
             t = np.clip(along / length, 0.0, 1.0)
             offset = square - 2.0 * _dot(points, a) + (a**2).sum(axis=2)[:, None]
             nearest = np.minimum(nearest, offset - t * (2.0 * along - t * length))

@@ -11,6 +11,7 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.cones import MotionCone, extreme_rays, generalized_normals
+from mocca_robot.tolerances import COARSE
 
 MANY, CROWDED = 5_000, 60
 """Rays in all, and on average per pair of parts, from which on finding the extreme ones pays for itself."""
@@ -107,6 +108,6 @@ def spanning_rays(contacts: tuple[Contact, ...]) -> BoolArray:
             reach = 0.5 * float(np.linalg.norm(np.ptp(here, axis=0)))
             spanning[mine] = False
             wrenches = generalized_normals(here, normals[mine], here.mean(axis=0), reach)
-            spanning[mine[extreme_rays(wrenches, tolerance=1e-6)]] = True
+            spanning[mine[extreme_rays(wrenches, tolerance=COARSE)]] = True
     spanning.setflags(write=False)
     return spanning

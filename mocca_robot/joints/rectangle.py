@@ -11,6 +11,12 @@ import shapely
 from mocca_robot.arrays import Array, read_only
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.tolerances import COARSE, EXACT, ROUNDING, TINY
+
+SAME_TURN_RAD = 1e-4
+"""Orientations that differ by less are tried once."""
+AREA = 1e-5
+"""Share of the largest area that orientations may lack and still count as equally good."""
 
 TURNS = 8
 """Orientations tried between 0° and 90° besides those of the polygon's own edges."""
@@ -84,7 +90,7 @@ def largest_rectangle(contact: Contact, margin: float = 0.0) -> Rectangle | None
         return None
     turn, centre, half = found
     x = np.array([np.cos(turn), np.sin(turn)])
-    if half[1] > half[0] * (1 + 1e-6):
+    if half[1] > half[0] * (1 + COARSE):
         x, half = np.array([-x[1], x[0]]), half[::-1]
     y = np.array([-x[1], x[0]])
     corner = centre - half[0] * x - half[1] * y
@@ -99,11 +105,11 @@ def largest_rectangle(contact: Contact, margin: float = 0.0) -> Rectangle | None
 
 def _is_convex(ring: Array) -> bool:
     edges = np.roll(ring, -1, axis=0) - ring
-    edges = edges[np.linalg.norm(edges, axis=1) > 1e-12 * np.ptp(ring, axis=0).max()]
+    edges = edges[np.linalg.norm(edges, axis=1) > EXACT * np.ptp(ring, axis=0).max()]
     following = np.roll(edges, -1, axis=0)
     turn = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
     turn /= np.linalg.norm(edges, axis=1) * np.linalg.norm(following, axis=1)
-    return bool((turn > -1e-9).all() or (turn < 1e-9).all())
+    return bool((turn > -ROUNDING).all() or (turn < ROUNDING).all())
 
 
 def _turns(ring: Array, extra: int) -> Array:
@@ -114,7 +120,7 @@ def _turns(ring: Array, extra: int) -> Array:
     even = np.arange(extra) * np.pi / 2 / max(extra, 1)
     kept: list[float] = []
     for turn in (*own, *even):
-        if all(min(abs(turn - k), np.pi / 2 - abs(turn - k)) > 1e-4 for k in kept):
+        if all(min(abs(turn - k), np.pi / 2 - abs(turn - k)) > SAME_TURN_RAD for k in kept):
             kept.append(float(turn))
     return np.array(kept)
 
@@ -149,7 +155,7 @@ def _in_convex(ring: Array, margin: float) -> tuple[float, Array, Array] | None:
             z = _barrier_step(z, rows, limit, weight)
     sizes = z[:, 2:]
     area = sizes.prod(axis=1)
-    best = int(np.flatnonzero(area >= area.max() * (1 - 1e-5))[0])
+    best = int(np.flatnonzero(area >= area.max() * (1 - AREA))[0])
     p = z[best, :2]
     world = np.array([c[best] * p[0] - s[best] * p[1], s[best] * p[0] + c[best] * p[1]])
     return float(turns[best]), world, sizes[best]
@@ -161,7 +167,7 @@ def _chebyshev(outward: Array, limit: Array) -> tuple[Array, float] | None:
     rows = np.c_[outward, np.ones(len(limit))]
     result = linprog([0, 0, -1.0], A_ub=rows, b_ub=limit, bounds=[(None, None)] * 2 + [(0, None)], method="highs")
     solution = np.asarray(result.x if result.success else np.zeros(3))
-    if solution[2] <= 1e-9 * max(float(np.abs(limit).max()), 1e-300):
+    if solution[2] <= ROUNDING * max(float(np.abs(limit).max()), TINY):
         return None
     return solution[:2], float(solution[2])
 
@@ -190,7 +196,7 @@ def _in_polygon(polygon: shapely.Polygon, margin: float) -> tuple[float, Array, 
             continue
         for turn in _turns(np.asarray(piece.exterior.coords)[:-1], 2):
             found = _on_raster(piece, turn)
-            if found is not None and (best is None or found[2].prod() > best[2].prod() * (1 + 1e-6)):
+            if found is not None and (best is None or found[2].prod() > best[2].prod() * (1 + COARSE)):
                 best = found
     return best
 
@@ -202,7 +208,7 @@ def _on_raster(polygon: shapely.Polygon, turn: float) -> tuple[float, Array, Arr
     corners = shapely.get_coordinates(upright)
     x = _lines(corners[:, 0], low_x, high_x)
     y = _lines(corners[:, 1], low_y, high_y)
-    grown = upright.buffer(1e-9 * max(high_x - low_x, high_y - low_y))
+    grown = upright.buffer(ROUNDING * max(high_x - low_x, high_y - low_y))
     shapely.prepare(grown)
     cells = shapely.box(x[None, :-1], y[:-1, None], x[None, 1:], y[1:, None])
     inside = shapely.contains(grown, cells)
@@ -228,7 +234,7 @@ def _on_raster(polygon: shapely.Polygon, turn: float) -> tuple[float, Array, Arr
 def _lines(corners: Array, low: float, high: float) -> Array:
     lines = np.concatenate([np.linspace(low, high, RASTER), corners if len(corners) <= RASTER else corners[:0]])
     lines = np.unique(lines)
-    return np.asarray(lines[np.r_[True, np.diff(lines) > 1e-6 * (high - low)]])
+    return np.asarray(lines[np.r_[True, np.diff(lines) > COARSE * (high - low)]])
 
 
 def _grown(polygon: shapely.Polygon, box: Array, bounds: Array) -> Array:

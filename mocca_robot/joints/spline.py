@@ -16,6 +16,7 @@ import numpy as np
 from mocca_robot.arrays import Array, IntArray, read_only
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.joint import Joint
+from mocca_robot.tolerances import EXACT, ROUNDING
 
 SplineKind: TypeAlias = Literal["n", "z"]
 
@@ -69,7 +70,7 @@ def smallest_radius(kind: SplineKind, length: Array, shape: Array) -> Array:
     knots_x, knots_y = _knots(kind, shape)
     width = np.diff(knots_x, axis=1) * length[:, None]
     rise = np.abs(np.diff(knots_y, axis=1)) * length[:, None]
-    return np.asarray((width**2 / (6.0 * np.maximum(rise, 1e-12 * length[:, None]))).min(axis=1))
+    return np.asarray((width**2 / (6.0 * np.maximum(rise, EXACT * length[:, None]))).min(axis=1))
 
 
 def polyline_joint(contact: Contact, kind: str, direction: Array, points: Array, parameters: dict[str, float]) -> Joint:
@@ -93,10 +94,10 @@ def _simplified(points: Array) -> Array:
     kept = [points[0]]
     for here, after in pairwise(points[1:]):
         first, second = here - kept[-1], after - kept[-1]
-        if np.linalg.norm(first) <= 1e-9 * length:
+        if np.linalg.norm(first) <= ROUNDING * length:
             continue
-        reach = max(float(np.linalg.norm(second)), 1e-9 * length)
-        if abs(first[0] * second[1] - first[1] * second[0]) <= 1e-12 * length * reach:
+        reach = max(float(np.linalg.norm(second)), ROUNDING * length)
+        if abs(first[0] * second[1] - first[1] * second[0]) <= EXACT * length * reach:
             continue
         kept.append(here)
     kept.append(points[-1])

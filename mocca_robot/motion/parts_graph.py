@@ -15,6 +15,7 @@ from mocca_robot.contacts.contact import Contact
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.geometry.cones import MotionCone, generalized_normals, largest_cone
 from mocca_robot.joints.joint import Joint, planar
+from mocca_robot.tolerances import COARSE
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,6 +314,6 @@ def _network(
 def _motion(part: int, normals: Array, owners: IntArray) -> PartMotion:
     """Return V_j of part j from the normals (m, d) of what was placed before it, whose indices are `owners` (m,)."""
     alpha, axis = largest_cone(normals)
-    limiting = np.asarray(normals @ axis <= np.sin(alpha) + 1e-6)
+    limiting = np.asarray(normals @ axis <= np.sin(alpha) + COARSE)
     blockers = tuple(sorted({int(o) for o in owners[limiting]}))
     return PartMotion(part, read_only(normals), alpha, axis, blockers)

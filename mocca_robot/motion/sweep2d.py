@@ -13,7 +13,7 @@ from mocca_robot.arrays import Array, IntArray
 from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.geometry.polygons import to_shapely
-from mocca_robot.tolerances import TOLERANCES
+from mocca_robot.tolerances import TINY, TOLERANCES
 
 
 def sweep_blockers_2d(assembly: Assembly, part: int, ways_out: Array) -> tuple[int, ...]:
@@ -53,7 +53,7 @@ def free_half_angle_2d(assembly: Assembly, part: int, way_out: Array) -> float:
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     reach = float(np.linalg.norm(corners - middle, axis=1).max())
     across = obstacles.middle[:part] - middle
-    distance = np.maximum(np.linalg.norm(across, axis=1), 1e-300)
+    distance = np.maximum(np.linalg.norm(across, axis=1), TINY)
     # No corner of an obstacle is seen at less than this angle from the way out; most need no closer look.
     width = (obstacles.reach[:part] + reach) / distance
     least = np.arccos(np.clip(across @ way_out / distance, -1.0, 1.0)) - np.arcsin(np.minimum(width, 1.0))

@@ -18,6 +18,7 @@ from mocca_robot.arrays import Array, IntArray
 from mocca_robot.assembly import Assembly, Mesh
 from mocca_robot.contacts.penetration import shared_volume, solid
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.tolerances import TINY
 
 SWEEP_TOLERANCE = 1e-6
 """Share of the assembly's size below which a hit's width is sliding contact, rounding or weld; as in 2D."""
@@ -128,7 +129,7 @@ def _meeting_widths(ahead: _Profile, a: IntArray, back: _Profile, b: IntArray, t
     offset = polygon - polygon[:, :1]
     area = 0.5 * (offset[..., 0] * step[..., 1] - offset[..., 1] * step[..., 0]).sum(axis=1)
     around = np.linalg.norm(step, axis=2).sum(axis=1)
-    return np.asarray(2.0 * area / np.maximum(around, 1e-300))
+    return np.asarray(2.0 * area / np.maximum(around, TINY))
 
 
 def _clipped(polygon: Array, inside: Array) -> Array:

@@ -16,6 +16,12 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError, nearest
 from mocca_robot.plan.pose import Six, pose_of, rotation_vector, transform
+from mocca_robot.tolerances import EXACT
+
+REACHED = 1e-6
+"""Of inverse kinematics, m and rad: a hundredth of what an arm repeats."""
+DAMPING = 1e-4
+"""Of the least-squares step, per metre of error: singular poses slow it down, and do not stop it."""
 
 _ALPHA: Six = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
 _TURN = 2.0 * np.pi
@@ -95,12 +101,12 @@ class RobotModel:
         for _ in range(100):
             now = self.tcp_matrix(q, tcp_offset)
             error = np.concatenate([goal[:3, 3] - now[:3, 3], rotation_vector(goal[:3, :3] @ now[:3, :3].T)])
-            if np.linalg.norm(error[:3]) < 1e-6 and np.linalg.norm(error[3:]) < 1e-6:
+            if np.linalg.norm(error[:3]) < REACHED and np.linalg.norm(error[3:]) < REACHED:
                 return q
             jacobian = self.jacobian(q, tcp_offset)
-            damping = 1e-4 * float(np.linalg.norm(error))
+            damping = DAMPING * float(np.linalg.norm(error))
             step = np.linalg.solve(jacobian.T @ jacobian + damping * np.eye(6), jacobian.T @ error)
-            q = q + step * min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-12))
+            q = q + step * min(1.0, 0.3 / max(float(np.abs(step).max()), EXACT))
         raise InputError(
             f"No joint angles of {self.name} near the start reach {np.round(np.asarray(target, dtype=float), 4)}: "
             f"{1e3 * float(np.linalg.norm(error[:3])):.1f} mm remain. Move the target within {self.reach_m} m of the "

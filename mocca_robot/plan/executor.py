@@ -16,6 +16,7 @@ from mocca_robot.plan.person import Person, after_grip, before_release
 from mocca_robot.plan.plan import Move, MoveKind, Plan, Step
 from mocca_robot.plan.status import ExecutionEvent, ExecutionStatus, MotionOutcome
 from mocca_robot.plan.supervision import Stopped
+from mocca_robot.tolerances import ROUNDING
 
 GUARDED = frozenset({MoveKind.APPROACH, MoveKind.PICK})
 ZEROED = frozenset({MoveKind.TRANSIT, MoveKind.APPROACH, MoveKind.INSERT})
@@ -205,7 +206,7 @@ def _grip(plan: Plan, step: Step, move: Move, arm: Motions) -> tuple[MotionOutco
             return MotionOutcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
         mass = cell.tool_mass_kg + grasp.mass_kg
         both = zip(cell.tool_cog_m, grasp.cog_m, strict=True)
-        x, y, z = ((cell.tool_mass_kg * a + grasp.mass_kg * b) / max(mass, 1e-9) for a, b in both)
+        x, y, z = ((cell.tool_mass_kg * a + grasp.mass_kg * b) / max(mass, ROUNDING) for a, b in both)
         return arm.set_payload(mass, (x, y, z)), grip
     if words := not_open(grip, move.gripper_m, cell.limits):
         return MotionOutcome(ExecutionStatus.DEVIATED, words, outcome.state), grip

@@ -32,6 +32,7 @@ from mocca_robot.plan.pose import Three, distance_m
 from mocca_robot.plan.push_frame import frame_along
 from mocca_robot.plan.status import ArmState, ExecutionStatus, MotionOutcome
 from mocca_robot.plan.supervision import Stopped
+from mocca_robot.tolerances import SAME_KG
 
 LEAD_IN_S = 0.5
 USUAL_CYCLE_S = 0.02
@@ -64,7 +65,7 @@ class Motions:
         def motion() -> MotionOutcome:
             self.arm.set_payload(mass_kg, cog_m)
             state = self._settle(0.1)
-            if abs(state.payload_kg - mass_kg) > 1e-3:
+            if abs(state.payload_kg - mass_kg) > SAME_KG:
                 detail = f"payload reads back as {state.payload_kg:.3f} kg after setting {mass_kg:.3f} kg"
                 return MotionOutcome(ExecutionStatus.REFUSED, detail, state)
             return MotionOutcome(ExecutionStatus.SUCCEEDED, "", state)

@@ -7,6 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from mocca_robot.arrays import Array
+from mocca_robot.tolerances import EXACT
+
+HALF_TURN = 1e-7
+"""Sine of an angle below which its axis cannot be read from the skew part of a rotation."""
 
 Six = tuple[float, float, float, float, float, float]
 Three = tuple[float, float, float]
@@ -28,7 +32,7 @@ def rotation_matrix(rotvec: Sequence[float] | Array) -> Array:
     """Return the (3, 3) rotation by |rotvec| radians about rotvec (Rodrigues)."""
     r = np.asarray(rotvec, dtype=np.float64)
     angle = float(np.linalg.norm(r))
-    if angle < 1e-12:
+    if angle < EXACT:
         near: Array = np.eye(3) + _cross(r)
         return near
     k = _cross(r / angle)
@@ -41,7 +45,7 @@ def rotation_vector(rotation: Array) -> Array:
     skew = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
     sine, cosine = float(np.linalg.norm(skew)) / 2.0, (float(np.trace(rotation)) - 1.0) / 2.0
     angle = float(np.arctan2(sine, cosine))
-    if sine > 1e-7:
+    if sine > HALF_TURN:
         return skew * (angle / (2.0 * sine))
     if cosine > 0.0:
         return skew / 2.0

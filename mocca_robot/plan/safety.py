@@ -14,6 +14,10 @@ from mocca_robot.plan.hand import disorder, wrong_openings
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Cell, Move, MoveKind, Plan, Step, Waypoint, insertion_axis
 from mocca_robot.plan.pose import angle_rad, distance_m
+from mocca_robot.tolerances import COARSE
+
+SHORTEST_PUSH_M = 1e-3
+"""An insertion shorter than this has no middle that could be looked at."""
 
 FK_DISTANCE_M = 2e-3
 """TCP and joint angles of a waypoint must describe the same place: twice the rounding of published arm dimensions."""
@@ -141,7 +145,7 @@ def _step_findings(step: Step, plan: Plan, model: RobotModel, where: str) -> Ite
     else:
         for k, opening, limit in wrong_openings(step, plan):
             yield PlanFinding(f"{where}, move {k} ({step.moves[k].kind})", "gripper_m", opening, limit, "Plan again.")
-    if step.direction is not None and abs(math.hypot(*step.direction) - 1.0) > 1e-6:
+    if step.direction is not None and abs(math.hypot(*step.direction) - 1.0) > COARSE:
         length = math.hypot(*step.direction)
         yield PlanFinding(where, "length of the insertion direction", f"{length:.6g}", "1", "Normalise it.")
 
@@ -324,7 +328,7 @@ def _acceleration_findings(
 
 def _line_findings(path: Sequence[Waypoint], step: Step, where: str) -> Iterator[PlanFinding]:
     axis, depth = insertion_axis(path)
-    if len(path) < 2 or depth < 1e-3:
+    if len(path) < 2 or depth < SHORTEST_PUSH_M:
         yield PlanFinding(
             where, "insertion depth", f"{1e3 * depth:.2f} mm", "at least 1 mm", "Start the insertion farther out."
         )

@@ -10,6 +10,10 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.report.markup import esc, px, significant
+from mocca_robot.tolerances import EXACT, ROUNDING, TINY
+
+PLAIN = 1e-3
+"""Smaller numbers are written as powers of ten."""
 
 WIDTH, HEIGHT = 560.0, 330.0
 LEFT, TOP, RIGHT, BOTTOM = 70.0, 30.0, 160.0, 48.0
@@ -111,7 +115,7 @@ class _Scale:
             )
         low, high = float(values.min()), float(values.max())
         if axis.log:
-            bottom, top = math.floor(math.log10(low) + 1e-9), math.ceil(math.log10(high) - 1e-9)
+            bottom, top = math.floor(math.log10(low) + ROUNDING), math.ceil(math.log10(high) - ROUNDING)
             if top == bottom:
                 top += 1
             every = max(1, math.ceil((top - bottom) / 7))
@@ -119,12 +123,12 @@ class _Scale:
             return cls(
                 low=10.0**bottom, high=10.0**top, start=start, end=end, log=True, ticks=tuple(10.0**p for p in powers)
             )
-        if high - low < 1e-12 * max(abs(high), abs(low), 1e-300):
+        if high - low < EXACT * max(abs(high), abs(low), TINY):
             low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
         raw = (high - low) / 5
         base = 10.0 ** math.floor(math.log10(raw))
-        step = next(m * base for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * base >= raw * (1 - 1e-9))
-        first, last = math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9)
+        step = next(m * base for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * base >= raw * (1 - ROUNDING))
+        first, last = math.floor(low / step + ROUNDING), math.ceil(high / step - ROUNDING)
         ticks = tuple(k * step for k in range(first, last + 1))
         return cls(low=ticks[0], high=ticks[-1], start=start, end=end, log=False, ticks=ticks)
 
@@ -166,7 +170,7 @@ def _grid(x: _Scale, y: _Scale, across: Axis, up: Axis) -> str:
 
 
 def _number(value: float, log: bool) -> str:
-    if log and not 1e-3 <= value < 1e5:
+    if log and not PLAIN <= value < 1e5:
         raised = str(round(math.log10(value))).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
         return f"10{raised}"
     return significant(value, 4)

@@ -18,6 +18,7 @@ from mocca_robot.report.palette import part_colours
 from mocca_robot.report.pictures import Picture
 from mocca_robot.report.sections import APART, case_mark, section
 from mocca_robot.statics.solution import Status
+from mocca_robot.tolerances import ANGLE_ROUNDING_RAD, COARSE
 from mocca_robot.verdicts.agreement import agree
 from mocca_robot.verdicts.physics import Verdict
 from mocca_robot.verdicts.verification import Verification
@@ -129,7 +130,7 @@ def _verdicts(variants: Sequence[Variant]) -> str:
         cone = (
             "–" if tightest is None else f"±{degrees(max(tightest.alpha_rad, 0.0))} (<code>{esc(tightest.part)}</code>)"
         )
-        if tightest is not None and tightest.alpha_rad < -1e-9:
+        if tightest is not None and tightest.alpha_rad < -ANGLE_ROUNDING_RAD:
             cone = f"none (<code>{esc(tightest.part)}</code>)"
         asked = "–" if v.assembly.alpha_rad is None else f"±{degrees(v.assembly.alpha_rad)}"
         physics = _flag(v.physics_stands, "stands", "falls", "not simulated")
@@ -144,7 +145,9 @@ def _verdicts(variants: Sequence[Variant]) -> str:
         )
         goes_in = _flag(v.verification.assemblable, "as asked", "blocked", "–")
         if v.goes_in and not v.verification.assemblable:
-            goes_in = badge("warn", "one way only" if tightest and tightest.alpha_rad < 1e-6 else "narrower than asked")
+            goes_in = badge(
+                "warn", "one way only" if tightest and tightest.alpha_rad < COARSE else "narrower than asked"
+            )
         locked = _flag(v.deadlocked, "deadlocked", "free", "not checked", good=False)
         cells = [esc(v.name), _stands(v), significant(largest, 2), physics, tilt, goes_in, cone, asked, locked]
         rows.append(cells)

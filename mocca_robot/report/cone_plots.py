@@ -10,6 +10,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.geometry.cones import cross, extreme_rays
 from mocca_robot.joints.joint import Joint
 from mocca_robot.report.markup import degrees, esc, point_list, px
+from mocca_robot.tolerances import COARSE, EXACT, ROUNDING
 from mocca_robot.verdicts.physics import InsertionTrial
 
 SECTION_HALVES = (2.0, 4.0, 8.0, 16.0)
@@ -46,9 +47,9 @@ def section_frame(normals: Array) -> Array:
     e2 the turning direction as far as it lies in the plane, e1 the sliding one."""
     c = normals.mean(axis=0)
     norm = float(np.linalg.norm(c))
-    c = np.array([0.0, 1.0, 0.0]) if norm < 1e-9 else c / norm
+    c = np.array([0.0, 1.0, 0.0]) if norm < ROUNDING else c / norm
     turn = np.array([0.0, 0.0, 1.0]) - c[2] * c
-    if np.linalg.norm(turn) < 1e-6:
+    if np.linalg.norm(turn) < COARSE:
         turn = np.array([0.0, 1.0, 0.0]) - c[1] * c
     e2 = turn / np.linalg.norm(turn)
     return np.array([c, np.cross(e2, c), e2])
@@ -77,7 +78,7 @@ def joint_section(joint: Joint, about: Array, length: float, way_out: Array | No
         angles = base + np.array([-alpha_rad, alpha_rad])
         motions = np.stack([np.cos(angles), np.sin(angles), np.zeros(2)], axis=1)
         height = motions @ frame[0]
-        if (height > 1e-6).all():
+        if (height > COARSE).all():
             ends = (motions @ frame[1:].T) / height[:, None]
             (x0, y0), (x1, y1) = _pixels(ends, half)
             bar = f'x1="{px(x0)}" y1="{px(y0)}" x2="{px(x1)}" y2="{px(y1)}"'
@@ -117,9 +118,9 @@ def free_reach(normals: Array, axis: Array, axes: Array, azimuths: Array) -> Arr
     for normal in normals:
         # n·(cos t a + sin t s) vanishes at t = atan2(n·a, −n·s).
         up, out = float(normal @ axis), around @ normal
-        if up < -1e-9:
+        if up < -ROUNDING:
             return np.zeros(len(azimuths))
-        here = np.where((up <= 1e-9) & (out >= -1e-9), np.pi, np.arctan2(max(up, 0.0), -out))
+        here = np.where((up <= ROUNDING) & (out >= -ROUNDING), np.pi, np.arctan2(max(up, 0.0), -out))
         reach = np.minimum(reach, here)
     return reach
 
@@ -136,7 +137,7 @@ def _trial(trial: InsertionTrial, way_out: Array, axes: Array, limit_deg: float)
     if len(trial.direction) != len(way_out):
         return ""
     out = -np.asarray(trial.direction, dtype=np.float64)
-    out = out / max(float(np.linalg.norm(out)), 1e-12)
+    out = out / max(float(np.linalg.norm(out)), EXACT)
     angle = np.rad2deg(np.arccos(np.clip(out @ way_out, -1.0, 1.0))) / limit_deg
     azimuth = np.arctan2(out @ axes[1], out @ axes[0])
     x, y = _pixels(min(angle, 1.0) * np.array([[np.cos(azimuth), np.sin(azimuth)]]), 1.0)[0]

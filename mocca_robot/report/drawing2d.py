@@ -19,6 +19,7 @@ from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report.markup import degrees, esc, point_list, px
 from mocca_robot.report.palette import fills
 from mocca_robot.statics.cases import CaseVerdict
+from mocca_robot.tolerances import ROUNDING, TINY, VISIBLE
 
 GHOST_REACH = 0.10
 """The collapse motion is drawn so large that its fastest point moves by this share of the assembly's size."""
@@ -162,8 +163,8 @@ def merged_forces(contacts: Sequence[Contact], forces: Array) -> tuple[IntArray,
     """
     pairs, points, normals = contact_rays(contacts)
     vectors = normals * forces[:, None] if forces.ndim == 1 else forces
-    scale = max(float(np.abs(points).max()), 1e-300)
-    key = np.column_stack([pairs, np.round(points / (1e-9 * scale))])
+    scale = max(float(np.abs(points).max()), TINY)
+    key = np.column_stack([pairs, np.round(points / (ROUNDING * scale))])
     _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
     summed = np.zeros((len(first), points.shape[1]))
     np.add.at(summed, inverse.ravel(), vectors)
@@ -178,7 +179,7 @@ def forces_layer(graph: PartsGraph, verdict: CaseVerdict, view: View) -> str:
     largest = float(sizes.max(initial=0.0))
     drawn = []
     for (i, j), point, vector, size in zip(pairs, points, vectors, sizes):
-        if size <= 1e-3 * largest:
+        if size <= VISIBLE * largest:
             continue
         length = FORCE_REACH * assembly.size * np.sqrt(size / largest)
         start, end = view(np.array([point, point + vector / size * length]))
@@ -238,7 +239,7 @@ def wedge(centre: Array, axis: Array, low: float, high: float, radius: float, cl
     steps = np.linspace(low, high, max(3, int(np.ceil((high - low) / 0.15)) + 1))
     base = np.arctan2(axis[1], axis[0])
     rim = centre + radius * np.stack([np.cos(base + steps), -np.sin(base + steps)], axis=1)
-    full = high - low >= 2 * np.pi - 1e-9
+    full = high - low >= 2 * np.pi - ROUNDING
     outline = rim if full else np.vstack([centre, rim])
     return f'<polygon class="{cls}" points="{point_list(outline)}"><title>{esc(title)}</title></polygon>'
 

@@ -11,6 +11,7 @@ from mocca_robot.assembly import Interlocking, SupportFree
 from mocca_robot.report.data import ReportData
 from mocca_robot.statics.cases import CaseVerdict
 from mocca_robot.statics.solution import Status
+from mocca_robot.tolerances import CASE_HELD
 from mocca_robot.verdicts.agreement import Remark, agree, called, gaps_rad, remarks
 from mocca_robot.verdicts.physics import StateVerdict, Verdict
 
@@ -79,7 +80,7 @@ def disagreements(data: ReportData) -> tuple[str, ...]:
     verified = {c.case.name: c for c in data.after.cases}
     for case in data.design.load_cases:
         mine = verified.get(case.name)
-        if mine is not None and case.infeasibility_after < 1e-12 and decided(mine) is False:
+        if mine is not None and case.infeasibility_after < CASE_HELD and decided(mine) is False:
             found.append(f"The design claims equilibrium for '{case.name}'; the built geometry does not hold it.")
     return tuple(found)
 

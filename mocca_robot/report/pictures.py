@@ -16,6 +16,10 @@ from mocca_robot.report import drawing2d, drawing3d
 from mocca_robot.report.drawing2d import View
 from mocca_robot.report.markup import esc
 from mocca_robot.statics.cases import CaseVerdict
+from mocca_robot.tolerances import ROUNDING
+
+BENT_RAD = 1e-4
+"""Faces that differ by less are drawn without an edge between them."""
 
 HATCH = (
     '<pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'
@@ -115,7 +119,7 @@ def joint_shape(joint: Joint) -> tuple[float, float]:
     distance = np.linalg.norm(centres[pairs[:, 0]] - centres[pairs[:, 1]], axis=1)
     cosine = np.einsum("ij,ij->i", normals[pairs[:, 0]], normals[pairs[:, 1]])
     angle = np.arccos(np.clip(cosine, -1.0, 1.0))
-    bent = angle > 1e-4
+    bent = angle > BENT_RAD
     return slope, float((distance[bent] / angle[bent]).min(initial=np.inf))
 
 
@@ -124,5 +128,5 @@ def _circumradius(points: Array) -> float:
     u, v = b - a, c - a
     doubled = np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
     product = np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1) * np.linalg.norm(c - b, axis=1)
-    bent = doubled > 1e-9 * np.linalg.norm(v, axis=1) ** 2
+    bent = doubled > ROUNDING * np.linalg.norm(v, axis=1) ** 2
     return float((product[bent] / (2.0 * doubled[bent])).min(initial=np.inf))

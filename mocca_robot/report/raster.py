@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from mocca_robot.arrays import Array, IntArray
 from mocca_robot.assembly import Mesh
+from mocca_robot.tolerances import ROUNDING, TINY
 
 Pixels: TypeAlias = NDArray[np.uint8]
 
@@ -50,7 +51,7 @@ def look(meshes: Sequence[Mesh], axes: Array, scale: float, low: Array, width: i
     owner = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes])
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
-    front = normals[:, 2] > 1e-9 * np.maximum(lengths, 1e-300)
+    front = normals[:, 2] > ROUNDING * np.maximum(lengths, TINY)
     corners, owner, normals = corners[front], owner[front], normals[front] / lengths[front][:, None]
     corners = (corners - [low[0], low[1], 0.0]) * scale
     corners[..., 1] = height - corners[..., 1]
@@ -104,7 +105,7 @@ def _fragments(
 def outlines(seen: Seen) -> NDArray[np.bool_]:
     """Return the pixels on a line: where parts meet, where one face hides another, and along sharp edges."""
     line = np.zeros(seen.part.shape, dtype=np.bool_)
-    slope = -seen.normal[..., :2] / np.maximum(seen.normal[..., 2:], 1e-9) * [1.0, -1.0]
+    slope = -seen.normal[..., :2] / np.maximum(seen.normal[..., 2:], ROUNDING) * [1.0, -1.0]
     for axis, here, there in ((0, np.s_[:, :-1], np.s_[:, 1:]), (1, np.s_[:-1], np.s_[1:])):
         solid = (seen.part[here] >= 0) & (seen.part[there] >= 0)
         differs = seen.part[here] != seen.part[there]

@@ -20,6 +20,7 @@ from mocca_robot.report.drawing3d import displaced_3d
 from mocca_robot.report.findings import State
 from mocca_robot.report.palette import part_colours
 from mocca_robot.statics.cases import CaseVerdict
+from mocca_robot.tolerances import EXACT, TINY, VISIBLE
 
 SHARP = np.deg2rad(25.0)
 """Edges between faces that turn by more are drawn as lines."""
@@ -73,7 +74,7 @@ def packed(shape: object) -> dict[str, Any]:
     """
     assert isinstance(shape, Mesh)
     low, high = shape.bounds
-    step = np.maximum(high - low, 1e-12) / 65535.0
+    step = np.maximum(high - low, EXACT) / 65535.0
     grid = np.round((shape.vertices - low) / step).astype("<u2")
     wide = len(grid) > 65535
     kind = "<u4" if wide else "<u2"
@@ -91,7 +92,7 @@ def sharp_edges(mesh: Mesh) -> NDArray[np.int64]:
     """Return (E, 2) vertex pairs of edges whose two faces turn by more than `SHARP`."""
     corners = mesh.vertices[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), TINY)[:, None]
     edges = np.sort(np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]), axis=1)
     face = np.tile(np.arange(len(mesh.faces)), 3)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
@@ -131,9 +132,9 @@ def _forces(assembly: Assembly, contacts: Sequence[Contact], verdict: CaseVerdic
     resultant = np.stack([np.bincount(owner, weights=vectors[:, k]) for k in range(3)], axis=1)
     centre = np.stack([np.bincount(owner, weights=weight * points[:, k]) for k in range(3)], axis=1)
     size = np.linalg.norm(resultant, axis=1)
-    kept = size > 1e-3 * size.max(initial=0.0)
+    kept = size > VISIBLE * size.max(initial=0.0)
     centre, resultant, size = centre[kept] / total[kept][:, None], resultant[kept], size[kept]
-    length = FORCE_REACH * assembly.size * np.sqrt(size / size.max(initial=1e-300))
+    length = FORCE_REACH * assembly.size * np.sqrt(size / size.max(initial=TINY))
     along = resultant / size[:, None]
     side = tangents(along)[:, 0]
     tip = centre + along * length[:, None]

@@ -16,6 +16,9 @@ from mocca_robot.report.palette import fills, part_colours
 from mocca_robot.report.pictures import Picture
 from mocca_robot.statics.cases import CaseVerdict
 
+VANISHING = 1e-15
+"""E/|w|² below this is rounding, whatever its digits say."""
+
 LAYERS = (("names", "names"), ("joints", "joints"), ("forces", "contact forces"), ("collapse", "collapse motion"))
 
 
@@ -127,7 +130,7 @@ def load_cases(data: ReportData) -> str:
 
 
 def _infeasibility(value: float) -> str:
-    return "&lt; 10⁻¹⁵" if 0.0 < value < 1e-15 else significant(value, 3)
+    return "&lt; 10⁻¹⁵" if 0.0 < value < VANISHING else significant(value, 3)
 
 
 def joints(data: ReportData) -> str:

@@ -15,6 +15,9 @@ from mocca_robot.report.tilt_words import limit_words
 from mocca_robot.statics.cases import CaseVerdict
 from mocca_robot.verdicts.verification import Verification
 
+SHOWN_RAD = 1e-4
+"""An angle that misses what was asked by less reads the same in the report."""
+
 
 def asked_tilt(data: ReportData) -> float | None:
     """Return the tilt the goals ask for, radians; None when they do not."""
@@ -172,11 +175,11 @@ def _margin(data: ReportData) -> str:
             words += f". The weakest state falls at {degrees(data.reserve.critical_rad)}: {state}"
         if limited := limit_words(data.reserve):
             words += f". {esc(limited[:1].upper() + limited[1:])}"
-        met = asked is None or angle >= asked - 1e-4
+        met = asked is None or angle >= asked - SHOWN_RAD
         return card("warn" if met else "bad", question, f"Tilts by {degrees(angle)}", words + ".")
     if asked is not None:
         words += f"; asked for {degrees(asked)}"
-        return card("ok" if angle >= asked - 1e-4 else "bad", question, f"Tilts by {degrees(angle)}", words + ".")
+        return card("ok" if angle >= asked - SHOWN_RAD else "bad", question, f"Tilts by {degrees(angle)}", words + ".")
     kind = "ok" if angle > np.deg2rad(1.0) else "warn"
     return card(kind, question, f"Tilts by {degrees(angle)}", words + ".")
 

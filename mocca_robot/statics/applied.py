@@ -31,6 +31,7 @@ from mocca_robot.geometry.cones import cross
 from mocca_robot.geometry.extrusion import standing, surface
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.motion.parts_graph import PartsGraph
+from mocca_robot.tolerances import COARSE, EXACT, TINY
 
 SAME_PLANE = 1e-5
 """Faces and contacts whose planes are nearer than this share of the assembly's size lie in one plane."""
@@ -147,7 +148,7 @@ def _faces(assembly: Assembly, wanted: BoolArray, within: Array | None = None) -
         triangles = mesh.vertices[mesh.faces]
         across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         double = np.linalg.norm(across, axis=1)
-        for triangle, normal, size in zip(triangles, across / np.maximum(double, 1e-300)[:, None], double):
+        for triangle, normal, size in zip(triangles, across / np.maximum(double, TINY)[:, None], double):
             if size <= 0.0 or (flat and abs(normal[1]) > 0.5):
                 continue
             piece = triangle if within is None else _clipped(triangle, _box(within))
@@ -203,7 +204,7 @@ def _exposed(graph: PartsGraph, faces: _Faces, looking: tuple[Array, float] | No
         offset = float(corners[0] @ normal)
         outline: shapely.Geometry = shapely.Polygon(corners @ axes.T)
         for direction, pieces in covers.get(int(part), ()):
-            if float(direction @ normal) < 1.0 - 1e-6 or abs(float(pieces[0][0] @ normal) - offset) > near:
+            if float(direction @ normal) < 1.0 - COARSE or abs(float(pieces[0][0] @ normal) - offset) > near:
                 continue
             outline = outline.difference(shapely.union_all([shapely.Polygon(p @ axes.T) for p in pieces]))
         found.append((int(part), normal, np.vstack([axes, normal * offset, normal]), outline))
@@ -251,7 +252,7 @@ def _unsheltered(pieces: Sequence[_Piece], towards: Array) -> list[tuple[int, Ar
         lit: shapely.Geometry = shadow
         for other in tree.query(shadow, predicate="intersects"):
             common = shadow.intersection(seen[other]) if other != k else shapely.Point()
-            if common.area <= 1e-12 * shadow.area:
+            if common.area <= EXACT * shadow.area:
                 continue
             place = shapely.get_coordinates(common.representative_point())[0]
             if _along(place, kept[other][1], kept[other][2], across, towards) < _along(

@@ -17,6 +17,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.runtime.threads import with_one_blas_thread
 from mocca_robot.statics.solver.solvers import SolverFailed
 from mocca_robot.statics.solver.system import ContactSystem
+from mocca_robot.tolerances import EXACT
 
 VIOLATION = 1e-9
 """Slack, relative to |w|, below which a ray joins the working set; an order below what verdicts ask for."""
@@ -143,7 +144,7 @@ def _active_set(
         -price,
         np.zeros(len(rows), dtype=np.int32),
         primal_tol=0.1 * VIOLATION,
-        dual_tol=1e-12,
+        dual_tol=EXACT,
         dual_start=-start if start.any() else None,
     )
     if flag < 1:

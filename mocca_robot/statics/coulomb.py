@@ -22,6 +22,7 @@ from mocca_robot.statics.frictional_contacts import FrictionalContacts
 from mocca_robot.statics.solution import EquilibriumResult, Status
 from mocca_robot.statics.solver.compliant_cones import CompliantCones
 from mocca_robot.statics.solver.coulomb_steps import StepsSettled, move, rest
+from mocca_robot.tolerances import TINY
 
 EQUILIBRIUM_RESIDUAL = 1e-8
 """Unbalanced share of the load up to which parts stand."""
@@ -154,7 +155,7 @@ def _seen(contacts: FrictionalContacts, w: Array, scale: float, found: StepsSett
     forces = z * contacts.steep
     violation, slip = _law(contacts, forces, moves, scale)
     pressed = float((contacts.softness[:, 0] * forces[:, 0]).max(initial=0.0))
-    travel = float(np.hypot(*slip.T).max(initial=0.0)) / max(pressed, 1e-300)
+    travel = float(np.hypot(*slip.T).max(initial=0.0)) / max(pressed, TINY)
     left = w + rows.matrix.T @ z.ravel()
     return PointSeen(u=u, forces=forces, left=left, slip=slip, violation=violation, travel=travel)
 
@@ -170,8 +171,8 @@ def _law(contacts: FrictionalContacts, forces: Array, moves: Array, scale: float
     gap = (moves[:, 0] / steep[:, 0] - soft[:, 0] * contacts.clamping / scale + soft[:, 0] * normal) * touching
     slip = (moves[:, 1:] + soft[:, 1:] * friction) * (steep[:, 1:] > 0.0)
     strength, way = np.hypot(*friction.T), np.hypot(*slip.T)
-    far = max(float(np.abs(moves).max(initial=0.0)), float(np.abs(gap).max(initial=0.0)), 1e-300)
-    hard = max(float(normal.max(initial=0.0)), 1e-300)
+    far = max(float(np.abs(moves).max(initial=0.0)), float(np.abs(gap).max(initial=0.0)), TINY)
+    hard = max(float(normal.max(initial=0.0)), TINY)
     violations = (
         (strength - mu * normal) / hard,
         -normal / hard,
@@ -197,7 +198,7 @@ def _verdict(
     rows, rests = contacts.rows, found.rests
     slip, motion = seen.slip * scale / stiffness, seen.left * scale
     if rests and standing is not Standing.STANDS:
-        motion = seen.u * scale / max(float(np.linalg.norm(seen.u)), 1e-300)
+        motion = seen.u * scale / max(float(np.linalg.norm(seen.u)), TINY)
     if not rests:
         slip = (rows.matrix @ motion).reshape(-1, 3)[:, 1:]
     moves = rows.unscaled_motion(motion)

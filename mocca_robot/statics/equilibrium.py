@@ -9,7 +9,7 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.errors import InputError
 from mocca_robot.statics.solution import EquilibriumResult, result_of, solve_system
-from mocca_robot.statics.solver.solvers import DENSE_LIMIT, SolverFailed
+from mocca_robot.statics.solver.solvers import DENSE_LIMIT, SOLVED, SolverFailed
 from mocca_robot.statics.solver.system import ContactSystem
 
 
@@ -93,5 +93,5 @@ def _stacked(system: ContactSystem, loads: Array, solver: str) -> list[Equilibri
         except SolverFailed:
             return [solve_system(system, w, solver=solver) for w in loads]
         together = (result_of(system, w, c, v, f) for w, v, f in zip(loads, motions, forces, strict=True))
-        return [r if r.kkt <= 1e-8 else solve_system(system, w, solver=solver) for r, w in zip(together, loads)]
+        return [r if r.kkt <= SOLVED else solve_system(system, w, solver=solver) for r, w in zip(together, loads)]
     return [solve_system(system, w, solver=solver) for w in loads]

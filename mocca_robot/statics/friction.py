@@ -14,6 +14,10 @@ from mocca_robot.geometry.frames import tangents
 from mocca_robot.statics.solution import EquilibriumResult, Status, solve_system, verdict
 from mocca_robot.statics.solver.solvers import SolverFailed
 from mocca_robot.statics.solver.system import ContactSystem
+from mocca_robot.tolerances import TINY, TOLERANCES
+
+CONE_ACCURACY = 1e-10
+"""What a cone solver is asked for, a thousandth of `TOLERANCES.kkt`."""
 
 
 def equilibrium_with_friction(
@@ -93,7 +97,7 @@ def _spatial(
         kkt = cone_kkt(frame, residual, f)
         if best is None or kkt < best[0]:
             best = (kkt, f, residual)
-        if kkt <= 1e-7 or float(np.linalg.norm(residual)) <= 1e-7:
+        if kkt <= TOLERANCES.kkt or float(np.linalg.norm(residual)) <= TOLERANCES.kkt:
             break
     if best is None:
         nan = np.full_like(normals, np.nan)
@@ -135,7 +139,7 @@ def _clarabel(frame: ContactSystem, w: Array) -> Array:
     )
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = CONE_ACCURACY
     objective = sp.block_diag([sp.eye_array(n), sp.csr_array((3 * m, 3 * m))], format="csc")
     solution = clarabel.DefaultSolver(
         sp.csc_matrix(objective),
@@ -186,7 +190,7 @@ def _into_cone(f: Array) -> Array:
     """Return f (C, 3) with every row pulled back into Q, should rounding have left it outside."""
     f = f.copy()
     f[:, 0] = np.maximum(f[:, 0], 0.0)
-    shrink = np.minimum(1.0, f[:, 0] / np.maximum(np.hypot(f[:, 1], f[:, 2]), 1e-300))
+    shrink = np.minimum(1.0, f[:, 0] / np.maximum(np.hypot(f[:, 1], f[:, 2]), TINY))
     f[:, 1:] *= shrink[:, None]
     return f
 

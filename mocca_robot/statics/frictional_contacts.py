@@ -13,6 +13,7 @@ from mocca_robot.geometry.frames import tangents
 from mocca_robot.statics.friction import equilibrium_with_friction, steepness, three_rows
 from mocca_robot.statics.solution import EquilibriumResult
 from mocca_robot.statics.solver.system import ContactSystem
+from mocca_robot.tolerances import TINY
 
 TANGENTIAL_RATIO = 1.0
 """k_t/k_n: between equal elastic bodies theory has 2(1 − ν)/(2 − ν), 0.7 to 1; rough faces have less."""
@@ -74,7 +75,7 @@ class FrictionalContacts:
         pairs, points, normals = plain.pairs, np.asarray(points, float), np.asarray(normals, float)
         count, d = points.shape
         mu = _one_a_point(friction, count, "friction", "≥ 0", 0.0)
-        weight = _one_a_point(1.0 if weights is None else weights, count, "weights", "> 0", 1e-300)
+        weight = _one_a_point(1.0 if weights is None else weights, count, "weights", "> 0", TINY)
         if not (np.isfinite(tangential_ratio) and tangential_ratio > 0):
             raise InputError(f"The ratio k_t/k_n is {tangential_ratio}; it must be a number > 0.")
         axes = np.zeros((count, 3, d))

@@ -17,6 +17,9 @@ from mocca_robot.statics.loads import load_cases
 from mocca_robot.statics.solver.solvers import SolverFailed
 from mocca_robot.statics.solver.system import ContactSystem
 
+SQUARED_ROUNDING = 1e-14
+"""Eigenvalue of BᵀB, relative to the largest, that rounding alone may leave."""
+
 OPENING = 1e-6
 """Smallest opening velocity that counts as moving apart, relative to a motion of unit size; normals read back from
 files turn by 1e-12."""
@@ -156,6 +159,6 @@ def _sliding(b: sp.csr_array) -> Array:
     values, vectors = np.linalg.eigh((b.T @ b).toarray())
     largest = max(float(values[-1]), 0.0)
     # Squared singular values: rounding leaves 1e-16 of the largest.
-    if values[0] > max(SLIDING**2, 1e-14) * largest:
+    if values[0] > max(SLIDING**2, SQUARED_ROUNDING) * largest:
         return np.zeros(columns)
     return np.asarray(vectors[:, 0])

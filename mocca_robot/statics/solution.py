@@ -8,9 +8,12 @@ from enum import StrEnum
 import numpy as np
 
 from mocca_robot.arrays import Array
-from mocca_robot.statics.solver.solvers import DENSE_LIMIT, SolverFailed, certificate, solve
+from mocca_robot.statics.solver.solvers import DENSE_LIMIT, SOLVED, SolverFailed, certificate, solve
 from mocca_robot.statics.solver.system import ContactSystem
 from mocca_robot.tolerances import TOLERANCES, Tolerances
+
+GAP_SHARE = 1e-3
+"""Of the residual: a KKT residual below it leaves the verdict as it is, however large."""
 
 
 class Status(StrEnum):
@@ -91,7 +94,7 @@ def _solved(system: ContactSystem, w: Array, c: Array, solver: str, tolerances: 
 
         try:
             result = result_of(system, w, c, *solve_interior_point(system, w, c), tolerances)
-            if ours or result.kkt <= 1e-8:
+            if ours or result.kkt <= SOLVED:
                 return result
         except SolverFailed:
             if ours:
@@ -107,7 +110,7 @@ def verdict(relative_residual: float, kkt: float, tolerances: Tolerances = TOLER
     """
     if relative_residual <= tolerances.equilibrium_residual:
         return Status.EQUILIBRIUM
-    solved = kkt <= tolerances.kkt or kkt <= 1e-3 * relative_residual
+    solved = kkt <= tolerances.kkt or kkt <= GAP_SHARE * relative_residual
     if solved and 0.5 * relative_residual**2 > kkt:
         return Status.NOT_IN_EQUILIBRIUM
     return Status.INACCURATE

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from mocca_robot.plan.gripper import Grip, Gripper, GripperLost, require_drivable
 from mocca_robot.plan.plan import Plan
 from mocca_robot.plan.status import ArmState
+from mocca_robot.tolerances import MM
 from mocca_robot.ur.suction import SuctionCup
 
 OPENED_INTO_SOMETHING, CLOSED_ON_SOMETHING = 1, 2
@@ -69,7 +70,7 @@ class RobotiqSocket:
                 fault = self._get("FLT")
                 if fault:
                     raise GripperLost(f"the gripper reports fault {fault}")
-                return Grip(1e-3 * self._opening_mm(), state in (OPENED_INTO_SOMETHING, CLOSED_ON_SOMETHING))
+                return Grip(MM * self._opening_mm(), state in (OPENED_INTO_SOMETHING, CLOSED_ON_SOMETHING))
             time.sleep(0.02)
         raise GripperLost(f"the fingers did not stop within {self.TIMEOUT_S:g} s")
 

@@ -24,6 +24,7 @@ import time
 from typing import IO, Any
 
 from mocca_robot.errors import EnvironmentNeeded
+from mocca_robot.tolerances import LEAST_WAIT_S
 from mocca_robot.ur.priority import prefer_this_process
 
 FREQUENCY_HZ = 125.0
@@ -135,7 +136,7 @@ class ChildLink:
         end = time.monotonic() + deadline_s
         while b"\n" not in self._buffer:
             try:
-                self._socket.settimeout(max(end - time.monotonic(), 1e-3))
+                self._socket.settimeout(max(end - time.monotonic(), LEAST_WAIT_S))
                 piece = self._socket.recv(65536)
             except TimeoutError:
                 self.kill()

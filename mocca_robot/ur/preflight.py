@@ -12,7 +12,11 @@ from mocca_robot.plan.arm_models import robot_model
 from mocca_robot.plan.plan import Plan, Waypoint
 from mocca_robot.plan.pose import angle_rad, distance_m
 from mocca_robot.plan.status import ArmState
+from mocca_robot.tolerances import SAME_KG
 from mocca_robot.ur.dashboard import Identity, identify
+
+SAME_TCP_M, SAME_TCP_RAD = 1e-4, 1e-3
+"""How much the tool's offset may read back from what was sent: controllers round it."""
 
 SAFETY_SPACING_M = 0.05
 """The controller is asked about waypoints at least this far apart, and about every end."""
@@ -75,8 +79,8 @@ def blocking_findings(
     read = np.asarray(tcp_offset, dtype=np.float64)
     if (
         read.shape != (6,)
-        or distance_m(read, plan.cell.tcp_offset) > 1e-4
-        or angle_rad(read, plan.cell.tcp_offset) > 1e-3
+        or distance_m(read, plan.cell.tcp_offset) > SAME_TCP_M
+        or angle_rad(read, plan.cell.tcp_offset) > SAME_TCP_RAD
     ):
         yield f"the TCP offset reads back as {np.round(read, 4).tolist()}, the plan has {list(plan.cell.tcp_offset)}"
     first = plan.steps[first_step].moves[0].path[0]
@@ -106,7 +110,7 @@ def blocking_findings(
 
 def wrong_payload(plan: Plan, state: ArmState) -> str:
     """Return '' or that the controller does not calculate with the empty gripper, as it was told to."""
-    if abs(state.payload_kg - plan.cell.tool_mass_kg) <= 1e-3:
+    if abs(state.payload_kg - plan.cell.tool_mass_kg) <= SAME_KG:
         return ""
     return f"the payload reads back as {state.payload_kg:.3f} kg, the gripper weighs {plan.cell.tool_mass_kg:.3f} kg"
 

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 
 from mocca_robot.plan.calibration import Calibration
 from mocca_robot.plan.pose import six
+from mocca_robot.tolerances import LEAST_WAIT_S
 
 PORT = 30001
 PATIENCE_S = 3.0
@@ -30,7 +31,7 @@ def read_calibration(host: str) -> Calibration | None:
     try:
         with socket.create_connection((host, PORT), timeout=PATIENCE_S) as connection:
             while time.monotonic() < end:
-                connection.settimeout(max(end - time.monotonic(), 1e-3))
+                connection.settimeout(max(end - time.monotonic(), LEAST_WAIT_S))
                 piece = connection.recv(65536)
                 if not piece:
                     return None

@@ -34,6 +34,9 @@ from mocca_robot.ur.grippers import ROBOTIQ
 from mocca_robot.ur.urscript_hand import finger_helpers, grip, open_hand, vacuum_helpers
 from mocca_robot.ur.urscript_text import number, numbers, plain, pose
 
+LEAST_RAD_S = 1e-3
+"""Speed of the leading joint that a move has at least: a controller refuses zero."""
+
 BLEND_M = 0.002
 GUARD_CYCLES = 20
 """Of 2 ms: a force above the limit that lasts for less is noise."""
@@ -136,7 +139,7 @@ def _joint_path(path: Sequence[Waypoint], limits: MotionLimits) -> list[str]:
         length = distance_m(a.tcp, b.tcp)
         following = distance_m(b.tcp, path[w + 1].tcp) if w + 1 < len(path) else 0.0
         blend = min(BLEND_M, 0.4 * min(length, following))
-        speed = min(max(rate, 1e-3), limits.joint_speed_rad_s)
+        speed = min(max(rate, LEAST_RAD_S), limits.joint_speed_rad_s)
         a_max = number(limits.joint_acceleration_rad_s2)
         out.append(f"  movej({numbers(b.q)}, a={a_max}, v={number(speed)}, r={number(blend)})")
     return out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mocca_robot.plan.plan import Move, MoveKind, Plan, Step
 from mocca_robot.plan.wiring import VacuumWiring, bank_and_number
+from mocca_robot.tolerances import ROUNDING
 from mocca_robot.ur.grippers import ROBOTIQ, RobotiqSocket
 from mocca_robot.ur.suction import FLICKER_S
 from mocca_robot.ur.urscript_text import number, numbers, plain
@@ -127,7 +128,7 @@ def grip(plan: Plan, step: Step, move: Move) -> list[str]:
     picks = move.kind is MoveKind.PICK
     carried = cell.tool_mass_kg + (grasp.mass_kg if picks else 0.0)
     both = zip(cell.tool_cog_m, grasp.cog_m, strict=True)
-    cog = [(cell.tool_mass_kg * a + grasp.mass_kg * b) / max(carried, 1e-9) if picks else a for a, b in both]
+    cog = [(cell.tool_mass_kg * a + grasp.mass_kg * b) / max(carried, ROUNDING) if picks else a for a, b in both]
     payload = f"  set_payload({number(carried)}, {numbers(cog)})"
     if plan.gripper == "none":
         word = "Attach" if picks else "Detach"

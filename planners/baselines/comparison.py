@@ -17,6 +17,7 @@ from mocca_robot.joints.joint import Joint
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import ways_out
+from mocca_robot.tolerances import ANGLE_ROUNDING_RAD
 from planners.baselines.tenons import tenons_along_exits, tilted_tenons, upright_tenons
 from planners.cone_joints.largest_tilt import design_as_asked
 from planners.cone_joints.search import Progress
@@ -96,6 +97,6 @@ def _insertions(graph: PartsGraph, exits: Mapping[int, Array]) -> tuple[Insertio
     for part, motion in graph.motions():
         rooms = [float((motion.normals @ axis).min(initial=1.0)) for axis in (exits[part], motion.axis)]
         room, axis = max(rooms), (exits[part], motion.axis)[int(rooms[1] > rooms[0])]
-        if room > -1e-9:
+        if room > -ANGLE_ROUNDING_RAD:
             ways.append(Insertion(graph.assembly.parts[part].name, -axis, float(np.arcsin(np.clip(room, 0.0, 1.0)))))
     return tuple(ways)

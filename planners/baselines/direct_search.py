@@ -20,11 +20,14 @@ from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import load_cases
-from mocca_robot.tolerances import CASE_SOLVED
+from mocca_robot.tolerances import CASE_SOLVED, TINY
 from planners.cone_joints.descent import PENALTY_WEIGHT, evaluate, hinge_values, surface_of, violation_of
 from planners.cone_joints.designer import joint_shapes, start_axes
 from planners.cone_joints.energy import EnergyResult, Loads, joint_wrenches
 from planners.cone_joints.unknowns import JointParameters, JointProblem, UnknownsLayout
+
+LEAST_GAIN, LEAST_SLOPE = 1e-15, 1e-12
+"""Relative gain of a step, and slope, at which the search ends: it is to end by its number of evaluations."""
 
 Gradient = Literal["envelope", "finite differences"]
 STEP = 1e-6
@@ -76,7 +79,7 @@ def direct_search(
     if first.infeasibility.max(initial=0.0) <= CASE_SOLVED:
         return searched(problem, start, 1)
     layout = UnknownsLayout.of(problem, start)
-    unit = 1.0 / max(first.total, 1e-300)
+    unit = 1.0 / max(first.total, TINY)
     count = 0
     best = (np.inf, start)
 
@@ -109,7 +112,7 @@ def direct_search(
             jac=True,
             method="L-BFGS-B",
             bounds=_bounds(problem, layout, start),
-            options={"maxiter": evaluations, "maxfun": 10 * evaluations, "ftol": 1e-15, "gtol": 1e-12},
+            options={"maxiter": evaluations, "maxfun": 10 * evaluations, "ftol": LEAST_GAIN, "gtol": LEAST_SLOPE},
         )
     return searched(problem, best[1], count)
 

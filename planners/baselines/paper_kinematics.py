@@ -14,9 +14,17 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.tolerances import EXACT, ROUNDING
 from planners.cone_joints.energy import energy, joint_wrenches
 from planners.cone_joints.shapes2d import Shapes2D
 from planners.cone_joints.unknowns import JointProblem
+
+CURVED = 1e-4
+"""Slope, or lever beyond 1, of a joint that is more than a plane: smaller ones come from the solver's rounding."""
+STEP = 1e-6
+"""Of forward differences: half of the digits for the step, half for the difference."""
+LEAST_GAIN = 1e-13
+"""Of a step of the solver, relative: it ends where nothing is left to gain."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +46,7 @@ class RequiredCones:
     @property
     def asked(self) -> BoolArray:
         """Return (E,) joints of which more is required than the planar contact gives."""
-        return np.asarray((self.slopes > 1e-4).any(axis=1) | (self.levers > 1.0 + 1e-4).any(axis=1))
+        return np.asarray((self.slopes > CURVED).any(axis=1) | (self.levers > 1.0 + CURVED).any(axis=1))
 
 
 def faces(shapes: Shapes2D, slopes: Array, levers: Array) -> tuple[Array, Array]:
@@ -83,9 +91,9 @@ def kinematic_design(
         slope = np.zeros_like(x)
         for p in range(4):
             ahead = x.copy()
-            ahead[p : 4 * count : 4] += 1e-6
+            ahead[p : 4 * count : 4] += STEP
             changed = joint_wrenches(loads, pairs, *faces(shapes, *cones(ahead)), result.forces, none, rest)
-            slope[p : 4 * count : 4] = np.einsum("kesd,kesd->e", pull, changed - base) / 1e-6
+            slope[p : 4 * count : 4] = np.einsum("kesd,kesd->e", pull, changed - base) / STEP
         return unit * result.total, unit * slope
 
     def room(x: Array) -> Array:
@@ -101,11 +109,11 @@ def kinematic_design(
         base, joint = room(x).reshape(count, 3), np.arange(count)
         for p in range(4):
             ahead = x.copy()
-            ahead[p : 4 * count : 4] += 1e-6
-            rows[joint, :, 4 * joint + p] = (room(ahead).reshape(count, 3) - base) / 1e-6
+            ahead[p : 4 * count : 4] += STEP
+            rows[joint, :, 4 * joint + p] = (room(ahead).reshape(count, 3) - base) / STEP
         ahead = x.copy()
-        ahead[4 * count :] += 1e-6
-        rows[joint, :, 4 * count + pairs[:, 1]] = (room(ahead).reshape(count, 3) - base) / 1e-6
+        ahead[4 * count :] += STEP
+        rows[joint, :, 4 * count + pairs[:, 1]] = (room(ahead).reshape(count, 3) - base) / STEP
         return rows.reshape(-1, len(x))
 
     free = problem.alpha_rad is not None
@@ -114,9 +122,9 @@ def kinematic_design(
     x0 = np.concatenate([np.concatenate([start.slopes, start.levers], axis=1).ravel(), np.zeros(parts)])
     x0 = np.clip(x0, *np.array(limits).T)
     unit = 1.0
-    unit = 1.0 / max(value(x0)[0], 1e-12)
+    unit = 1.0 / max(value(x0)[0], EXACT)
     keep = [{"type": "ineq", "fun": room, "jac": room_slope}] if free else []
-    settings: dict[str, float] = {"maxiter": 150, "ftol": 1e-13}
+    settings: dict[str, float] = {"maxiter": 150, "ftol": LEAST_GAIN}
     method = "SLSQP" if free else "L-BFGS-B"
     found: Any = minimize(  # type: ignore[call-overload]
         value, x0, jac=True, method=method, bounds=limits, constraints=keep, options=settings
@@ -124,7 +132,7 @@ def kinematic_design(
     best = np.array(found.x)
     left = energy(loads, pairs, *faces(shapes, *cones(best)), wrenches)
     # Faces that carry nothing in any case are not required: the planar contact's will do there.
-    idle = (left.forces.max(axis=0) <= 1e-9).ravel()
+    idle = (left.forces.max(axis=0) <= ROUNDING).ravel()
     best[: 4 * count] = np.where(idle, low, best[: 4 * count])
     axis = start.axis + best[4 * count :, None] * across
     axis /= np.linalg.norm(axis, axis=1)[:, None]

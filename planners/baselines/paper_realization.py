@@ -14,6 +14,9 @@ from planners.cone_joints.descent import PENALTY_WEIGHT, hinge_values, surface_o
 from planners.cone_joints.shapes2d import Shapes2D
 from planners.cone_joints.unknowns import JointParameters, JointProblem
 
+LEAST_GAIN = 1e-14
+"""Of a step of the solver, relative: it ends where nothing is left to gain."""
+
 REACHED = 1e-8
 """Squared distance of a unit face normal to cone(N) that counts as inside (Eq. 19)."""
 SPLINES: tuple[SplineKind, ...] = ("n", "z")
@@ -99,7 +102,7 @@ def _nearest_shape(alone: tuple[JointProblem, JointParameters], targets: Array) 
             return missing(family, x)[0]
 
         bounds = [(float(a), float(b)) for a, b in zip(low, high)]
-        settings: dict[str, float] = {"maxiter": 25, "ftol": 1e-14}
+        settings: dict[str, float] = {"maxiter": 25, "ftol": LEAST_GAIN}
         found = np.asarray(minimize(objective, row, method="L-BFGS-B", bounds=bounds, options=settings).x)  # type: ignore[call-overload]
         total, worst = missing(family, found)
         if best is None or total < best[0]:

@@ -15,7 +15,11 @@ from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.joints.tenon import tenon_joint, tenon_joint_2d, tenon_of
 from mocca_robot.motion.parts_graph import PartsGraph
+from mocca_robot.tolerances import COARSE
 from planners.cone_joints.clearance2d import clearance_2d
+
+LEVEL = 1e-3
+"""Height relative to its width from which on a joint counts as a bump."""
 
 BREADTH = (0.3, 0.7)
 """Ends of a flat tenon, as shares of its contact's length."""
@@ -79,7 +83,7 @@ def upright_tenons(graph: PartsGraph, options: JointOptions) -> tuple[Joint, ...
     for k, e in enumerate(some):
         room = float(high[k] if high[k] >= -low[k] else low[k])
         h = 0.5 * float(np.clip(room, -rectangles[k].l2, rectangles[k].l2))
-        if abs(h) > 1e-3 * rectangles[k].l2:
+        if abs(h) > LEVEL * rectangles[k].l2:
             joints[e] = tenon_joint(contacts[e], rectangles[k].part((INSET, INSET), (1 - INSET, 1 - INSET)), h)
     return tuple(joints)
 
@@ -95,7 +99,7 @@ def tilted_tenons(joints: Sequence[Joint], exits: Mapping[int, Array]) -> tuple[
     for part in exits:
         mine = [j for j in joints if j.contact.parts[1] == part]
         bumps = [j.direction for j in mine if not j.is_planar]
-        if not bumps or max(float(np.linalg.norm(u - bumps[0])) for u in bumps) > 1e-6:
+        if not bumps or max(float(np.linalg.norm(u - bumps[0])) for u in bumps) > COARSE:
             continue
         if all(float(j.contact.normal @ bumps[0]) >= 0.0 for j in mine):
             chosen[part] = bumps[0]

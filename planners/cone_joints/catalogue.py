@@ -16,11 +16,17 @@ from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.geometry.cones import distance_to_cone, generalized_normals, largest_cone
 from mocca_robot.statics.batch import BatchResult, solve_cases
 from mocca_robot.statics.solver.system import ContactSystem
+from mocca_robot.tolerances import ROUNDING, TINY
 from planners.cone_joints.energy import SMALL, each_case
 from planners.cone_joints.kinematic import Requirement
 from planners.cone_joints.rubbing import pushes
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.unknowns import JointParameters, JointProblem
+
+CURVED, USED = 1e-4, 1e-6
+"""Slope that a joint has to have to curve, and share of use from which on a shape is chosen: less is rounding."""
+SHALLOW_PRICE, STEEP_PRICE = 1e-3, 1e-4
+"""What steepness costs where shapes fit alike: too little to choose a shape that holds less."""
 
 FEW_JOINTS = 60
 """Joints up to which leaning shapes are in the catalogue from the start; descent leans those of larger ones."""
@@ -105,19 +111,19 @@ def fit(problem: JointProblem, required: Requirement, start: JointParameters) ->
     """
     shapes = problem.shapes
     catalogue = entries(problem, start.axis)
-    curved = (required.slope > 1e-4) & shapes.can_curve
+    curved = (required.slope > CURVED) & shapes.can_curve
     best = np.full(len(problem.pairs), np.inf)
     chosen = np.full(len(problem.pairs), -1)
     for index, entry in enumerate(catalogue):
         points, normals = pushes(shapes, entry.points, entry.normals)
-        steepness = 1e-3 * float((entry.row[list(shapes.heights)] ** 2).sum())
+        steepness = SHALLOW_PRICE * float((entry.row[list(shapes.heights)] ** 2).sum())
         for e in np.flatnonzero(curved & entry.allowed):
             rays = generalized_normals(points[e] - shapes.centres[e], normals[e], None, shapes.lengths[e])
             wanted = required.wrenches[:, e]
             size = np.linalg.norm(wanted, axis=1)
             heavy = np.argsort(-size)[:HEAVY_CASES]
-            miss = sum(distance_to_cone(rays, wanted[k])[0] ** 2 for k in heavy if size[k] > 1e-9)
-            score = miss / max(float((size[heavy] ** 2).sum()), 1e-300) + steepness
+            miss = sum(distance_to_cone(rays, wanted[k])[0] ** 2 for k in heavy if size[k] > ROUNDING)
+            score = miss / max(float((size[heavy] ** 2).sum()), TINY) + steepness
             if score < best[e]:
                 best[e], chosen[e] = score, index
     return _assembled(problem, start, catalogue, chosen, curved)
@@ -161,7 +167,7 @@ def select(
     scale = np.linalg.norm(loads.wrenches.reshape(len(cases), -1), axis=1)
     wrenches = loads.wrenches[:, free].reshape(len(cases), -1) / scale[:, None]
     steep = np.array([np.abs(e.row[list(shapes.heights)]).sum() for e in catalogue])
-    price = np.where(shape_of < 0, 0.0, 1e-4 * (0.3 + steep[shape_of]))
+    price = np.where(shape_of < 0, 0.0, STEEP_PRICE * (0.3 + steep[shape_of]))
     slot = owners * len(catalogue) + np.maximum(shape_of, 0)
     weight = np.ones(len(pairs) * len(catalogue))
     warm: BatchResult | None = None
@@ -175,9 +181,9 @@ def select(
             forces = each_case(system, wrenches, active, loads.free, price * weight[slot])[1]
         strongest = forces.max(axis=0) * (shape_of >= 0)
         use_of = np.asarray(np.bincount(slot, strongest, len(weight)).reshape(len(pairs), -1), dtype=np.float64)
-        most = np.maximum(use_of.max(axis=1, keepdims=True), 1e-9)
+        most = np.maximum(use_of.max(axis=1, keepdims=True), ROUNDING)
         weight = (1.0 / (use_of / most + 0.03)).ravel()
-    curved = (use_of.max(axis=1) > 1e-6) & shapes.can_curve
+    curved = (use_of.max(axis=1) > USED) & shapes.can_curve
     return _assembled(problem, start, catalogue, np.where(curved, use_of.argmax(axis=1), -1), curved)
 
 

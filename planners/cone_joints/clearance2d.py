@@ -12,6 +12,10 @@ from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.joints.options import JointOptions
+from mocca_robot.tolerances import COARSE, TINY
+
+STAYS = 1e-4
+"""Relative to the assembly's size: edges this near a contact are the contact itself."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,12 +53,12 @@ class Clearance2D:
         a = self.start[joint, side]
         d = self.end[joint, side] - a
         to_point = curves[:, :, None] - a
-        t = (to_point * d).sum(axis=-1) / np.maximum((d * d).sum(axis=-1), 1e-300)
+        t = (to_point * d).sum(axis=-1) / np.maximum((d * d).sum(axis=-1), TINY)
         gap = to_point - np.clip(t, 0.0, 1.0)[..., None] * d
         distance = np.sqrt((gap * gap).sum(axis=-1))
         needed = self.margin[:, None, None] + np.where(self.is_contact[joint, side], own[..., None], 0.0)
         worst = (needed - distance).max(axis=-1)
-        flat = np.abs(height) <= 1e-6 * self.length[:, None]
+        flat = np.abs(height) <= COARSE * self.length[:, None]
         return np.where(flat, -self.length[:, None], worst)
 
 
@@ -99,7 +103,7 @@ def clearance_2d(assembly: Assembly, contacts: Sequence[Contact], options: Joint
 
 def _distance_to_segments(point: Array, start: Array, end: Array) -> Array:
     d = end - start
-    t = np.clip(((point - start) * d).sum(axis=1) / np.maximum((d * d).sum(axis=1), 1e-300), 0.0, 1.0)
+    t = np.clip(((point - start) * d).sum(axis=1) / np.maximum((d * d).sum(axis=1), TINY), 0.0, 1.0)
     return np.asarray(np.linalg.norm(point - start - t[:, None] * d, axis=1))
 
 
@@ -107,7 +111,7 @@ def _boundary_pieces(assembly: Assembly, contacts: Sequence[Contact], part: int)
     """Return the boundary of a part cut at its contacts: starts, ends (K, 2) and the contact's index or −1."""
     shape = assembly.parts[part].shape
     assert isinstance(shape, Polygon)
-    tolerance = 1e-4 * assembly.size
+    tolerance = STAYS * assembly.size
     start = np.concatenate(shape.rings)
     end = np.concatenate([np.roll(r, -1, axis=0) for r in shape.rings])
     length = np.linalg.norm(end - start, axis=1)

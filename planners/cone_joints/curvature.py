@@ -19,6 +19,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.statics.solver.system import ContactSystem
+from mocca_robot.tolerances import TINY
 
 if TYPE_CHECKING:
     from mocca_robot.statics.solver.factors import Factor
@@ -121,7 +122,7 @@ class Products:
 
 def unanswered(system: ContactSystem, forces: Array, free: BoolArray, balance: Array) -> Array:
     """Return R⁻ᵀb with RᵀR = M: what the active forces (C,) of a case cannot take up of balance changes b (n, m)."""
-    active = np.flatnonzero(forces > IN_CONTACT * max(float(forces.max(initial=0.0)), 1e-300))
+    active = np.flatnonzero(forces > IN_CONTACT * max(float(forces.max(initial=0.0)), TINY))
     rows = system.matrix[active].toarray()[:, np.repeat(free[system.free], system.dof)]
     matrix = np.eye(rows.shape[1]) + rows.T @ (rows * (forces[active] / STIFF)[:, None])
     factor = cholesky(matrix, lower=True, overwrite_a=True, check_finite=False)
@@ -132,7 +133,7 @@ def answered(system: ContactSystem, forces: Array, free: BoolArray, balance: sp.
     """Return the same as a factor of M and the balance changes (n, m), both about the blocks' common point."""
     same = bool((free == system.free).all())
     blocks = system.blocks if same else system.holding(free).blocks
-    active = forces > IN_CONTACT * max(float(forces.max(initial=0.0)), 1e-300)
+    active = forces > IN_CONTACT * max(float(forces.max(initial=0.0)), TINY)
     stiffness = np.where(active, forces / STIFF, 0.0)
     shift = sp.block_diag([y.T for y in blocks.to_own], format="csr")
     return Answer(blocks.factor(blocks.gram(stiffness[blocks.source])), sp.csr_array(shift @ balance))

@@ -15,12 +15,19 @@ import numpy as np
 import scipy.sparse as sp
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
-from mocca_robot.tolerances import MARGIN_SOLVED, VIOLATED
+from mocca_robot.tolerances import EXACT, MARGIN_SOLVED, VIOLATED
 from planners.cone_joints.curvature import LARGE, Answer, Curvature, Products, Written, answered, unanswered
 from planners.cone_joints.energy import EnergyResult, energy, joint_wrenches
 from planners.cone_joints.rubbing import pushes
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.unknowns import JointParameters, JointProblem, UnknownsLayout
+
+STEP = 1e-6
+"""Of forward differences: half of the digits for the step, half for the difference."""
+LEAST_GAIN = 1e-6
+"""Relative gain of a step that is worth taking."""
+LEAST_DAMPING, RENEWED_DAMPING = 1e-9, 1e-6
+"""Of Levenberg–Marquardt steps: how far success lowers it, and from where failure raises it again."""
 
 ENERGY_WEIGHT = 10.0
 PENALTY_WEIGHT = 30.0
@@ -139,7 +146,7 @@ def linearised(
     value, result, hinges = value_of(problem, parameters, warm)
     size = sum(layout.sizes)
     columns = layout.columns(shapes)
-    step = 1e-6
+    step = STEP
     surface = surface_of(problem, parameters)
     base = _wrenches(problem, surface, result)
     changes, bends = [], []
@@ -286,10 +293,10 @@ def descend(
             return parameters, count + 1
         for _ in range(9):
             ahead = layout.moved(parameters, _step(layout, parameters, here, damping))
-            if value_of(problem, ahead, warm)[0] < here.value * (1.0 - 1e-6):
-                parameters, damping = ahead, max(damping / 4.0, 1e-9)
+            if value_of(problem, ahead, warm)[0] < here.value * (1.0 - LEAST_GAIN):
+                parameters, damping = ahead, max(damping / 4.0, LEAST_DAMPING)
                 break
-            damping = max(damping * 6.0, 1e-6)
+            damping = max(damping * 6.0, RENEWED_DAMPING)
         else:
             return parameters, count + 1
     return parameters, max(steps, 0)
@@ -300,5 +307,5 @@ def _step(layout: UnknownsLayout, parameters: JointParameters, here: Linear, dam
     movable = ~layout.blocked(parameters, here.gradient)
     diagonal = here.curvature.diagonal
     largest = float(diagonal[movable].max(initial=0.0))
-    step = here.curvature.solve(-here.gradient, movable, damping * (diagonal + 0.1 * largest + 1e-12))
+    step = here.curvature.solve(-here.gradient, movable, damping * (diagonal + 0.1 * largest + EXACT))
     return np.clip(step, -LONGEST_STEP, LONGEST_STEP)

@@ -21,6 +21,7 @@ from mocca_robot.statics.batch import BatchResult, solve_cases
 from mocca_robot.statics.loads import LoadCase, case_wrenches
 from mocca_robot.statics.solution import solve_system
 from mocca_robot.statics.solver.system import ContactSystem
+from mocca_robot.tolerances import TINY
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,7 +73,7 @@ class Loads:
     @cached_property
     def scale(self) -> Array:
         """Return (K,) |w| of each case."""
-        return np.asarray(np.maximum(np.linalg.norm(self.wrenches.reshape(len(self.wrenches), -1), axis=1), 1e-300))
+        return np.asarray(np.maximum(np.linalg.norm(self.wrenches.reshape(len(self.wrenches), -1), axis=1), TINY))
 
     def only(self, cases: IntArray) -> Loads:
         """Return the loads of the cases with these indices."""

@@ -20,8 +20,12 @@ from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.solution import EquilibriumResult, solve_system
 from mocca_robot.statics.solver.system import ContactSystem
+from mocca_robot.tolerances import ROUNDING, TINY
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.rubbing import spread
+
+FORCE_PRICE = 1e-3
+"""Per unit of force, beside E: too little to change what a joint needs, enough to choose among equals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +105,7 @@ def bound(
     # A failing case is usually the last one placed or the steepest tilt; the whole assembly comes first.
     for case in range(required):
         result = _solve(system, loads, case, owner, None)
-        if not result.stands and result.infeasibility > 1e-9:
+        if not result.stands and result.infeasibility > ROUNDING:
             return Impossible(case, result.infeasibility, result.motions)
     return None
 
@@ -145,7 +149,7 @@ def required_wrenches(
     system = ContactSystem.build(
         pairs[use], points.reshape(-1, d)[use], normals.reshape(-1, d)[use], free, loads.about, loads.length
     )
-    price = 1e-3 * cost.ravel()[use]
+    price = FORCE_PRICE * cost.ravel()[use]
     centres = np.array([c.centre for c in contacts])
     lengths = np.array([c.measure ** (1.0 / (d - 1)) for c in contacts])
     local = generalized_normals(points.reshape(-1, d)[use] - centres[owner], normals.reshape(-1, d)[use])
@@ -160,7 +164,7 @@ def required_wrenches(
         sloped = np.bincount(owner, result.forces * (price > 0), count)
         slope = np.maximum(slope, sloped)
         total = np.maximum(total, np.bincount(owner, result.forces, count))
-    return Requirement(wrenches, slope / max(float(total.max(initial=0.0)), 1e-300), residual)
+    return Requirement(wrenches, slope / max(float(total.max(initial=0.0)), TINY), residual)
 
 
 def _solve(system: ContactSystem, loads: Loads, case: int, owner: IntArray, price: Array | None) -> EquilibriumResult:

@@ -22,6 +22,7 @@ from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import load_cases
 from mocca_robot.statics.tilt_reserve import tilt_reserve
+from mocca_robot.tolerances import ANGLE_ROUNDING_RAD
 from planners.cone_joints.designer import design, joint_contacts, joint_shapes
 from planners.cone_joints.energy import Loads
 from planners.cone_joints.kinematic import bound
@@ -164,7 +165,7 @@ def _climbed(
     failed, step = None, FIRST_STEP
     while best.achieved and best.interrupted is None and step >= RESOLUTION:
         target = angle + step
-        if target >= min(x for x in (ceiling, failed, STEEPEST) if x is not None) - 1e-9:
+        if target >= min(x for x in (ceiling, failed, STEEPEST) if x is not None) - ANGLE_ROUNDING_RAD:
             step /= 2.0
             continue
 

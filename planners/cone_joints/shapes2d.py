@@ -18,6 +18,7 @@ from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.joints.spline import SplineKind, polyline_joint, smallest_radius, spline_points
+from mocca_robot.tolerances import PLANE, ROUNDING, TINY
 from planners.cone_joints.clearance2d import Clearance2D, clearance_2d
 from planners.cone_joints.shapes import turned_within
 
@@ -61,7 +62,7 @@ class Shapes2D:
         norms = np.linalg.norm(normals, axis=1)
         first = {c.parts: c.normal for c in reversed(contacts)}
         for q, p in enumerate(pairs):
-            normals[q] = normals[q] / norms[q] if norms[q] > 1e-9 else first[p]
+            normals[q] = normals[q] / norms[q] if norms[q] > ROUNDING else first[p]
         pair = np.array([index[c.parts] for c in contacts])
         clearance = clearance_2d(assembly, contacts, options)
         kinds: tuple[SplineKind, ...] = tuple(cls.rest_kind for _ in contacts)
@@ -129,7 +130,7 @@ class Shapes2D:
         """Return contact points and normals, (E, 2 (V − 1), 2) each: both ends of every straight piece."""
         step = np.diff(curve, axis=1)
         normals = np.stack([step[..., 1], -step[..., 0]], axis=-1)
-        normals /= np.maximum(np.linalg.norm(normals, axis=-1), 1e-300)[..., None]
+        normals /= np.maximum(np.linalg.norm(normals, axis=-1), TINY)[..., None]
         points = np.concatenate([curve[:, :-1], curve[:, 1:]], axis=1)
         return points, np.concatenate([normals, normals], axis=1)
 
@@ -174,7 +175,7 @@ class Shapes2D:
     def flat(self, shape: Array) -> BoolArray:
         """Return (E,) whether a shape is planar."""
         second = np.where(np.array([k == "z" for k in self.kinds]), np.abs(shape[:, 3]), 0.0)
-        return np.asarray(np.maximum(np.abs(shape[:, 2]), second) < 1e-4)
+        return np.asarray(np.maximum(np.abs(shape[:, 2]), second) < PLANE)
 
     def candidate_rays(self) -> tuple[Array, Array, Array]:
         """Return points (E, R, 2), normals (E, R, 2) and prices (E, R) of forces that joints could transmit.
@@ -235,7 +236,7 @@ class Shapes2D:
         """Return joint `index` built with the parameters shape (4,) and u (2,); planar when it has no height."""
         contact, kind = self.contacts[index], self.kinds[index]
         length = contact.measure
-        if abs(shape[2]) < 1e-4 and (kind == "n" or abs(shape[3]) < 1e-4):
+        if abs(shape[2]) < PLANE and (kind == "n" or abs(shape[3]) < PLANE):
             return planar(contact)
         segment, piecewise = self.segments[index][None], self.options.piecewise_planar
         points = spline_points(kind, segment, u[None], shape[None], piecewise)[0]

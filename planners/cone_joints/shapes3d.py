@@ -31,7 +31,13 @@ from mocca_robot.joints.clearance import height_limits
 from mocca_robot.joints.frustum import LEAST_FLANK, WIDEST_FLANK, frustum_joint, ramp, with_flanks
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
+from mocca_robot.tolerances import EXACT, PLANE, ROUNDING, TINY
 from planners.cone_joints.kinematic import fan
+
+LOWEST = 1e-3
+"""Height, as a share of the contact's length, below which a bump is not worth making."""
+SMALLEST_SIDE = 1e-3
+"""Of a rectangle that stands for a contact without room, as a share of the contact's length."""
 
 SMALLEST = 0.4
 """Smallest bump, as a share of its rectangle's sides."""
@@ -97,7 +103,7 @@ class Shapes3D:
         first = {c.parts: c.normal for c in reversed(contacts)}
         for q, p in enumerate(pairs):
             norm = float(np.linalg.norm(normals[q]))
-            normal = normals[q] / norm if norm > 1e-12 else first[p]
+            normal = normals[q] / norm if norm > EXACT else first[p]
             normals[q] = _towards(normal, axis[p[1]], TOWARDS_EXIT)
         pair = np.array([index[c.parts] for c in contacts])
         single = tuple(_rectangle(c, options) for c in contacts)
@@ -259,7 +265,7 @@ class Shapes3D:
     def _normals(corners: Array) -> Array:
         """Return unit normals (E, T, 3) of triangles (E, T, 3, 3)."""
         normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
-        return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=2), 1e-300)[..., None])
+        return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=2), TINY)[..., None])
 
     def _rim(self, surface: Array) -> tuple[Array, Array]:
         rim = surface[:, len(self._pattern.xy) :]
@@ -280,11 +286,11 @@ class Shapes3D:
         low, high = self.reach[:, 0] / self.lengths, self.reach[:, 1] / self.lengths
         # Tightest at the knots: width² / (6 rise), with flanks a third of the shorter side wide.
         flank = shape[:, 1] / 3.0
-        missing = self.options.min_radius / self.lengths - flank**2 / (6.0 * np.maximum(np.abs(height), 1e-9))
+        missing = self.options.min_radius / self.lengths - flank**2 / (6.0 * np.maximum(np.abs(height), ROUNDING))
         if self.options.piecewise_planar:  # planes have no radius
             missing = np.full_like(missing, -1.0)
         missing = np.where(self.frusta, -1.0, missing)
-        return np.stack([low - height, height - high, np.where(np.abs(height) > 1e-4, missing, -1.0)], axis=1)
+        return np.stack([low - height, height - high, np.where(np.abs(height) > PLANE, missing, -1.0)], axis=1)
 
     def candidate_rays(self) -> tuple[Array, Array, Array]:
         """Return points, normals (E, R, 3) and prices (E, R) of forces that joints could transmit.
@@ -339,7 +345,7 @@ class Shapes3D:
     def joint(self, index: int, shape: Array, u: Array) -> Joint:
         """Return joint `index` built with shape (2,) and direction u (3,); planar without height."""
         contact, rectangle = self.contacts[index], self.single[index]
-        if rectangle is None or abs(shape[0]) < 1e-3:
+        if rectangle is None or abs(shape[0]) < LOWEST:
             return planar(contact)
         height = float(shape[0] * self.lengths[index])
         if self.frusta[index]:
@@ -410,7 +416,7 @@ def _towards(normal: Array, way_out: Array, most_rad: float) -> Array:
     """Return `normal` turned towards `way_out` by at most `most_rad`, and not nearer to it than `NEAR_EXIT`."""
     side = way_out - (way_out @ normal) * normal
     length = float(np.linalg.norm(side))
-    if length < 1e-9:
+    if length < ROUNDING:
         return normal
     angle = float(np.clip(np.arctan2(length, way_out @ normal) - NEAR_EXIT, 0.0, most_rad))
     return np.asarray(np.cos(angle) * normal + np.sin(angle) * side / length)
@@ -428,5 +434,5 @@ def _rectangle(contact: Contact, options: JointOptions) -> Rectangle | None:
 def _stand_in(contact: Contact) -> Rectangle:
     """Return a tiny rectangle in a contact that has no room for one, so that arrays stay rectangular."""
     x, y = tangents(contact.normal)
-    side = 1e-3 * float(np.sqrt(contact.measure))
+    side = SMALLEST_SIDE * float(np.sqrt(contact.measure))
     return Rectangle(read_only(contact.centre), read_only(x), read_only(y), side, side)

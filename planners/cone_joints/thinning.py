@@ -15,7 +15,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.statics.solver.system import ContactSystem
-from mocca_robot.tolerances import CASE_SOLVED, MARGIN_SOLVED, VIOLATED
+from mocca_robot.tolerances import CASE_SOLVED, MARGIN_SOLVED, ROUNDING, TINY, VIOLATED
 from planners.cone_joints.descent import evaluate, moved_wrenches, narrowed, surface_of
 from planners.cone_joints.energy import each_case
 from planners.cone_joints.realization import Polished, as_it_is, polish
@@ -108,7 +108,7 @@ def _concentrated(problem: JointProblem, parameters: JointParameters) -> tuple[J
     shapes, pairs, loads = problem.shapes, problem.pairs, problem.loads
     surface = surface_of(problem, parameters)
     rays_of = shapes.rays(narrowed(shapes, surface, shapes.options.inset))
-    flat = repeated(shapes, np.einsum("erd,ed->er", rays_of[1], shapes.normals) > 1.0 - 1e-9)
+    flat = repeated(shapes, np.einsum("erd,ed->er", rays_of[1], shapes.normals) > 1.0 - ROUNDING)
     points, normals = pushes(shapes, *rays_of)
     planar = replace(parameters, curved=np.zeros_like(parameters.curved))
     rays_of = shapes.rays(narrowed(shapes, surface_of(problem, planar), shapes.options.inset))
@@ -134,6 +134,6 @@ def _concentrated(problem: JointProblem, parameters: JointParameters) -> tuple[J
         settled = settled + 1 if bool((used == before).all()) else 0
         if settled >= SETTLED_PASSES:
             break
-        weight = 1.0 / (through / max(most, 1e-300) + 1e-2)
+        weight = 1.0 / (through / max(most, TINY) + 1e-2)
         weight /= weight.min()
     return replace(parameters, curved=used), through

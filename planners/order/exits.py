@@ -11,6 +11,7 @@ from mocca_robot.assembly import Assembly
 from mocca_robot.geometry.sliding import sliding_ways
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import insertion_rim, spread_directions, sweep_blockers
+from mocca_robot.tolerances import ANGLE_ROUNDING_RAD, EXACT, ROUNDING
 
 State = frozenset[int]
 """The free parts that are there, by their numbers."""
@@ -37,7 +38,7 @@ class Exits:
         self.last: dict[int, Assembly] = {}
         down = self.assembly.gravity
         self.height = (
-            -np.array([p.centroid for p in self.assembly.parts]) @ down / max(float(np.linalg.norm(down)), 1e-12)
+            -np.array([p.centroid for p in self.assembly.parts]) @ down / max(float(np.linalg.norm(down)), EXACT)
         )
 
     def from_the_top(self, there: State) -> list[int]:
@@ -65,17 +66,17 @@ class Exits:
         motion = self.graph.leaving(part, others)
         room, axis, normals = motion.alpha_rad, motion.axis, motion.normals
         barring = set(others.intersection(self.graph.neighbours(part)))
-        if room >= self.alpha - 1e-9:
+        if room >= self.alpha - ANGLE_ROUNDING_RAD:
             slack = np.arcsin(np.clip((self.spread @ normals.T).min(axis=1, initial=1.0), -1.0, 1.0))
             order = np.argsort(-slack, kind="stable")
             for way, free in [(axis, room), *((self.spread[k], float(slack[k])) for k in order)]:
-                if free < self.alpha - 1e-9:
+                if free < self.alpha - ANGLE_ROUNDING_RAD:
                     break
                 met = self._meets(part, way) & others
                 if not met:
                     return way, free
                 barring |= met
-        proven = room < self.alpha - 1e-9
+        proven = room < self.alpha - ANGLE_ROUNDING_RAD
         if self.alpha <= 0.0:
             # What slides leaves along lines and planes, which no spread of directions meets.
             slides, proven = sliding_ways(normals)
@@ -105,7 +106,7 @@ class Exits:
         votes = dict.fromkeys(others, 0)
         for way in self.spread:
             neighbours, normals = self.graph.touching(part)
-            barring = others.intersection(neighbours[normals @ way < np.sin(self.alpha) - 1e-9].tolist())
+            barring = others.intersection(neighbours[normals @ way < np.sin(self.alpha) - ROUNDING].tolist())
             barring = barring or self._meets(part, way) & others
             for other in barring:
                 votes[other] += 1

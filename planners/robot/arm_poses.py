@@ -12,6 +12,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.plan.arm_models import RobotModel
+from mocca_robot.tolerances import COARSE, ROUNDING
 
 BRANCH_STEP_RAD = 0.12
 """A joint that turns farther between two poses of a finely sampled line has changed its branch or is near a
@@ -36,10 +37,10 @@ def all_branches(model: RobotModel, flanges: Array) -> tuple[Array, BoolArray]:
         q1 = (np.arctan2(wrist[:, 1], wrist[:, 0]) + np.pi / 2)[:, None] + SIGNS * lean[:, None]  # (n, 2)
         s1, c1 = np.sin(q1), np.cos(q1)
         cosine = (p[:, :1] * s1 - p[:, 1:2] * c1 - d4) / d6
-        cosine = np.where(np.abs(cosine) <= 1.0 + 1e-9, np.clip(cosine, -1.0, 1.0), np.nan)
+        cosine = np.where(np.abs(cosine) <= 1.0 + ROUNDING, np.clip(cosine, -1.0, 1.0), np.nan)
         q5 = SIGNS * np.arccos(cosine)[..., None]  # (n, 2, 2)
         s5, c5 = np.sin(q5), np.cos(q5)
-        s5 = np.where(np.abs(s5) < 1e-6, np.nan, s5)
+        s5 = np.where(np.abs(s5) < COARSE, np.nan, s5)
         xs = (x[:, :1] * s1 - x[:, 1:2] * c1)[..., None]
         ys = (y[:, :1] * s1 - y[:, 1:2] * c1)[..., None]
         q6 = np.arctan2(-ys / s5, xs / s5)

@@ -11,6 +11,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import Mesh, Polygon
 from mocca_robot.contacts.penetration import solid
 from mocca_robot.geometry.polygons import to_shapely
+from mocca_robot.tolerances import COARSE, EXACT
 
 if TYPE_CHECKING:
     import manifold3d
@@ -42,7 +43,7 @@ def _hulls(body: manifold3d.Manifold, halvings: int) -> list[Array]:
     for axis in range(3):
         normal = np.eye(3)[axis]
         cut = body.split_by_plane(normal.tolist(), float(0.5 * (low[axis] + high[axis])))
-        halves = [h for half in cut for h in half.decompose() if h.volume() > 1e-6 * body.volume()]
+        halves = [h for half in cut for h in half.decompose() if h.volume() > COARSE * body.volume()]
         covered = sum(h.hull().volume() for h in halves)
         if halves and (best is None or covered < best[0]):
             best = covered, halves
@@ -59,14 +60,14 @@ def convex_pieces(outline: shapely.Polygon) -> list[shapely.Polygon]:
     ends = np.cumsum([len(r) for r in rings]).astype(np.uint32)
     corners = np.concatenate(rings)
     triangles = mapbox_earcut.triangulate_float64(corners, ends).reshape(-1, 3)
-    pieces = [t for t in shapely.polygons(corners[triangles]) if t.area > 1e-12]
+    pieces = [t for t in shapely.polygons(corners[triangles]) if t.area > EXACT]
     merged = True
     while merged:
         merged = False
         for a in range(len(pieces)):
             for b in range(len(pieces) - 1, a, -1):
                 hull = shapely.union(pieces[a], pieces[b]).convex_hull
-                if hull.area <= (pieces[a].area + pieces[b].area) * (1 + 1e-6):
+                if hull.area <= (pieces[a].area + pieces[b].area) * (1 + COARSE):
                     pieces[a] = hull
                     del pieces[b]
                     merged = True

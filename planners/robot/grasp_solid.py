@@ -11,6 +11,7 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.assembly import Mesh
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.tolerances import COARSE, EXACT, TINY
 from planners.robot.grasp_pose import GraspPose, count, frame, spread, too_wide
 from planners.robot.rays import first_hits
 from planners.robot.site import Site
@@ -67,14 +68,14 @@ def _pairs(corners: Array, rng: np.random.Generator, rejected: dict[str, int]) -
     """Return the middles (n, 3) between opposite places, the closing directions (n, 3) and widths (n,)."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)
-    normal = normal / np.maximum(area, 1e-300)[:, None]
+    normal = normal / np.maximum(area, TINY)[:, None]
     face = rng.choice(len(area), size=SAMPLES, p=area / area.sum())
     start = np.einsum("nk,nkd->nd", rng.dirichlet(np.ones(3), SAMPLES), corners[face])
     other, distance = first_hits(corners, start, -normal[face])
     facing = other >= 0
     face, start, other, distance = face[facing], start[facing], other[facing], distance[facing]
     mean = normal[other] - normal[face]
-    closing = mean / np.maximum(np.linalg.norm(mean, axis=1), 1e-12)[:, None]
+    closing = mean / np.maximum(np.linalg.norm(mean, axis=1), EXACT)[:, None]
     middle = start - 0.5 * distance[:, None] * normal[face]
     ahead, there = first_hits(corners, middle, closing)
     behind, here = first_hits(corners, middle, -closing)
@@ -104,7 +105,7 @@ def _ways_down(closing: Array) -> list[Array]:
     """Return tool directions across `closing`, the one that points down most first; none points up."""
     down = np.array([0.0, 0.0, -1.0])
     first = down - (down @ closing) * closing
-    if np.linalg.norm(first) < 1e-6:
+    if np.linalg.norm(first) < COARSE:
         first = np.cross(closing, [1.0, 0.0, 0.0])
     first /= np.linalg.norm(first)
     second = np.cross(closing, first)

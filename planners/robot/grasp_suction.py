@@ -8,6 +8,7 @@ from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.assembly import Mesh, Polygon
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.geometry.polygons import to_shapely
+from mocca_robot.tolerances import TINY
 from planners.robot.grasp_pose import GraspPose, count, frame, inner_points, spread
 from planners.robot.rays import first_hits
 from planners.robot.site import Site
@@ -37,7 +38,7 @@ def on_solid(
     corners = vertices[shape.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)
-    normal = normal / np.maximum(area, 1e-300)[:, None]
+    normal = normal / np.maximum(area, TINY)[:, None]
     above = normal[:, 2] > -NOT_BELOW
     if not above.any():
         count(rejected, "every face looks down")

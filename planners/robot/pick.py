@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
+from mocca_robot.tolerances import ROUNDING
 from planners.robot.arm_poses import all_branches, nearest_turn
 from planners.robot.bench import Bench
 from planners.robot.grasp_pose import GraspPose, count
@@ -42,7 +43,7 @@ def tool_down(seat: Seat) -> Array:
         return np.eye(3)
     axis = np.cross(tool, down)
     sine, cosine = float(np.linalg.norm(axis)), float(tool @ down)
-    if sine < 1e-9:
+    if sine < ROUNDING:
         return np.diag([1.0, -1.0, -1.0])
     from mocca_robot.plan.pose import rotation_matrix
 

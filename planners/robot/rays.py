@@ -5,6 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from mocca_robot.arrays import Array, IntArray
+from mocca_robot.tolerances import ROUNDING
+
+ALONG = 1e-15
+"""Determinant (m²) below which a ray runs along its triangle."""
 
 CHUNK = 400_000
 """Ray–triangle pairs looked at together: what fits the processor's cache."""
@@ -24,14 +28,14 @@ def first_hits(corners: Array, starts: Array, rays: Array) -> tuple[IntArray, Ar
         ray, start = rays[k : k + step], starts[k : k + step]
         det = -ray @ normal.T  # (n, f)
         with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = np.where(np.abs(det) > 1e-15, 1.0 / det, np.nan)
+            inverse = np.where(np.abs(det) > ALONG, 1.0 / det, np.nan)
             # (start − a) · normal and the two edge coordinates, from products of small matrices.
             height = (start @ normal.T - (corners[:, 0] * normal).sum(axis=1)) * inverse
             moment = np.cross(start, ray)  # start × ray
             offset = corners[:, 0]
             u = (moment @ e2.T - ray @ np.cross(e2, offset).T) * inverse
             v = -(moment @ e1.T - ray @ np.cross(e1, offset).T) * inverse
-            ok = (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9) & (height > NEAR_M)
+            ok = (u >= -ROUNDING) & (v >= -ROUNDING) & (u + v <= 1 + ROUNDING) & (height > NEAR_M)
         height = np.where(ok, height, np.inf)
         best = np.argmin(height, axis=1)
         rows = np.arange(len(ray))

@@ -17,6 +17,9 @@ from planners.robot.cell import RobotCell
 from planners.robot.site import Site
 from planners.robot.tool import ParallelGripper, SuctionGripper
 
+SHORTEST_FINGER_M = 1e-4
+"""Thinner slices of a finger are left out."""
+
 CLEARANCE_M = 0.002
 """What arm, gripper and carried part keep from everything else."""
 CUP_M = 0.02
@@ -111,7 +114,7 @@ class CellScene:
             # The bellows give: the cup ends short of its lip, so that what lies flush beside the part is not touched.
             ("cup", gripper.cup_radius_m, lip - cup, lip - 2.0 * gripper.bellows_m - self._clearance),
         ):
-            if end - start > 1e-4:
+            if end - start > SHORTEST_FINGER_M:
                 flange.add_geom(
                     name=name,
                     type=self._mujoco.mjtGeom.mjGEOM_CYLINDER,

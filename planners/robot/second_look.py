@@ -14,6 +14,7 @@ from mocca_robot.assembly import Assembly
 from mocca_robot.plan.plan import MoveKind, Plan, Step
 from mocca_robot.plan.pose import transform
 from mocca_robot.plan.safety import PlanFinding
+from mocca_robot.tolerances import COARSE
 from planners.robot.cell import RobotCell, cell_of
 from planners.robot.recheck import recheck
 from planners.robot.site import Body, Site, site
@@ -85,7 +86,7 @@ def _load_differs(step: Step, body: Body, cell: RobotCell, here: str) -> Iterato
     grasp = step.grasp
     if abs(grasp.mass_kg - body.mass_kg) > MASS_KG + MASS_SHARE * body.mass_kg:
         yield PlanFinding(here, "mass_kg", f"{grasp.mass_kg:.3g}", f"{body.mass_kg:.3g} (the design)", AGAIN)
-    if grasp.force_n > cell.gripper.force_n * (1.0 + 1e-6):
+    if grasp.force_n > cell.gripper.force_n * (1.0 + COARSE):
         limit = f"{cell.gripper.force_n:g} N (the cell's gripper)"
         yield PlanFinding(here, "force_n", f"{grasp.force_n:g}", limit, AGAIN)
     taken = next((m.path[-1] for m in step.moves if m.kind is MoveKind.PICK), None)

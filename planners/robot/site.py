@@ -9,6 +9,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array, read_only
 from mocca_robot.assembly import Assembly, Mesh, Polygon
+from mocca_robot.tolerances import COARSE
 from planners.robot.cell import RobotCell
 from planners.robot.convex_cover import convex_cover
 
@@ -134,7 +135,7 @@ def _body(name: str, pieces: Sequence[Array], centroid: Array, mass_kg: float, f
 
 def _plinth(bodies: Sequence[Body], cell: RobotCell) -> Array | None:
     top, table = float(cell.build_origin_m[2]), float(cell.table_m[1, 2])
-    if top <= table + 1e-6:
+    if top <= table + COARSE:
         return None
     standing = [b for b in bodies if b.low[2] < top + STANDS_M] or list(bodies)
     low, high = np.min([b.low for b in standing], axis=0), np.max([b.high for b in standing], axis=0)

@@ -15,6 +15,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
+from mocca_robot.tolerances import ROUNDING
 
 EDGE_STEP_RAD = 0.007
 """Largest turn of a joint between two checks of an edge: 7 mm for a part one metre from the axis."""
@@ -68,8 +69,8 @@ def _search(
     space = base.RealVectorStateSpace(6)
     bounds = base.RealVectorBounds(6)
     for j in range(6):
-        bounds.setLow(j, float(box[0][j]) - 1e-9)
-        bounds.setHigh(j, float(box[1][j]) + 1e-9)
+        bounds.setLow(j, float(box[0][j]) - ROUNDING)
+        bounds.setHigh(j, float(box[1][j]) + ROUNDING)
     space.setBounds(bounds)
     setup = geometric.SimpleSetup(space)
     used = 0

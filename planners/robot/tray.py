@@ -10,6 +10,7 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError, nearest
 from mocca_robot.plan.pose import rotation_matrix, rotation_vector
+from mocca_robot.tolerances import ROUNDING
 from planners.robot.cell import RobotCell, TrayPlace
 from planners.robot.site import Body, Site
 from planners.robot.tool import ParallelGripper
@@ -44,7 +45,7 @@ def tray_layout(site: Site, cell: RobotCell, turns: Mapping[str, Array] | None =
         size = top - bottom
         if y - size[1] < low[1] and y < high[1]:
             x, y, depth = x + depth + float(gap[0]), float(high[1]), 0.0
-        if x + size[0] > high[0] + 1e-9 or y - size[1] < low[1] - 1e-9:
+        if x + size[0] > high[0] + ROUNDING or y - size[1] < low[1] - ROUNDING:
             raise InputError(
                 f"The tray of cell '{cell.name}', {np.round(high - low, 3).tolist()} m, has no room for part "
                 f"'{body.name}', {np.round(size[:2], 3).tolist()} m. Make the tray larger, or size_m or gap_m smaller."

@@ -16,6 +16,9 @@ from planners.robot.arm_bodies import add_finger, add_links, add_palm
 from planners.robot.cell import RobotCell
 from planners.robot.tool import ParallelGripper, SuctionGripper
 
+ROLLING = 1e-4
+"""Friction of rolling, which MuJoCo asks for (m): pads hardly roll."""
+
 LINK_MASS_KG = MappingProxyType(
     {
         "ur3e": (1.98, 3.4445, 1.437, 0.871, 0.805, 0.261),
@@ -134,7 +137,7 @@ def _add_fingers(spec: Any, gripper: ParallelGripper, flange: Any, pad_friction:
                 conaffinity=0,
                 priority=1,
                 condim=4,
-                friction=[pad_friction, 0.5 * spread, 1e-4],
+                friction=[pad_friction, 0.5 * spread, ROLLING],
                 solref=PAD_SOLREF,
                 solimp=PAD_SOLIMP,
             )

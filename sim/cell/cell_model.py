@@ -34,6 +34,9 @@ from sim.shapes.contact_model import ContactModel, Geom, embed, facets, geom, pi
 from sim.shapes.inertia import inertia
 from sim.shapes.solid_pieces import solid_pieces
 
+SOFT_WIDTH_M = 1e-3
+"""Depth over which the nest's contact becomes as hard as it gets."""
+
 Phase = Literal["fetch", "insert", "rest"]
 
 TRAVEL_STEP = 2.0
@@ -252,7 +255,7 @@ def _add_nest(spec: Any, name: str, pose: Pose) -> None:
     """Hold a part where it waits, gently enough for the fingers to centre it."""
     nest = _add_weld(spec, "nest", f"part {name}", pose)
     nest.data[10] = 0.01
-    nest.solref, nest.solimp = (0.03, 1.0), (0.9, 0.9, 0.001, 0.5, 2.0)
+    nest.solref, nest.solimp = (0.03, 1.0), (0.9, 0.9, SOFT_WIDTH_M, 0.5, 2.0)
 
 
 def _add_weld(spec: Any, name: str, body: str, pose: Pose) -> Any:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mocca_robot.plan.gripper import Grip
+from mocca_robot.tolerances import ROUNDING
 from planners.robot.tool import Gripper, SuctionGripper
 from sim.cell.cup import Grasp, sealed, suck
 from sim.cell.world import CellWorld
@@ -112,7 +113,7 @@ class CellHand:
             world.data.ctrl[6:8] = 0.5 * target
             world.advance(joints, np.zeros(6))
             self._watch()
-            quiet = abs(gap) < 1e-9 and float(np.abs(world.data.qvel[6:8]).max()) < STILL_M_S
+            quiet = abs(gap) < ROUNDING and float(np.abs(world.data.qvel[6:8]).max()) < STILL_M_S
             still = still + 1 if quiet else 0
         reached = float(world.data.qpos[6:8].sum())
         blocked = abs(reached - width_m) > BLOCKED_M

@@ -10,6 +10,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.plan.pose import Three, transform
+from mocca_robot.tolerances import ROUNDING
 from sim.cell.cell_model import Moment, Pose, Workplace, compile_moment
 from sim.cell.wrist_force import hand_wrench
 from sim.motion import step_failure
@@ -166,7 +167,7 @@ class CellWorld:
         gripper = self.place.cell.gripper
         mass, cog = self.payload
         carried = mass - gripper.mass_kg
-        if carried <= 1e-9:
+        if carried <= ROUNDING:
             return np.zeros(6)
         local = (mass * np.asarray(cog) - gripper.mass_kg * np.asarray(gripper.cog_m)) / carried
         data, k = self.data, self.flange

@@ -10,6 +10,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import RIM_INSET, free_half_angle
+from mocca_robot.tolerances import ANGLE_ROUNDING_RAD
 
 OUTSIDE = float(np.deg2rad(3.0))
 """How far outside the realised motion cone the negative controls run."""
@@ -67,7 +68,7 @@ def directions(cone: InsertionCone, count: int) -> tuple[Direction, ...]:
     None are inside when the axis itself is blocked. In 2D the inside ones spread evenly from rim to rim.
     """
     inside: list[Direction] = []
-    if cone.realised_rad >= -1e-9:
+    if cone.realised_rad >= -ANGLE_ROUNDING_RAD:
         inside = _inside_2d(cone, count) if len(cone.axis) == 2 else _inside_3d(cone, count)
     return (*inside, *_outside(cone))
 

@@ -25,6 +25,9 @@ from sim.insertion.trial_scene import InsertionScene
 from sim.motion import LOOK, reach, step_failure
 from sim.scene import Compiled
 
+LEAST_SINE = 1e-3
+"""Of a cone's half-angle: in a narrower cone, the distance at which walls count as near stays finite."""
+
 GENTLE = 0.8
 """Share of the force allowed for meeting a neighbour that the speed of a part gripped off its place may use up."""
 NEAR = 2.0
@@ -52,7 +55,7 @@ def insert(
     travel = ready.travel(direction.vector, hand)
     least = max(1, round(hand.steps * ready.finer))
     off = effective + ready.sunk
-    near = NEAR * off / max(np.sin(ready.cone.realised_rad), 1e-3)
+    near = NEAR * off / max(np.sin(ready.cone.realised_rad), LEAST_SINE)
     if ready.below == "free":
         # Further out it meets the same neighbours, in the same places, as with all of them held.
         travel, least = min(travel, near + hand.lead * 2.0 * far), max(1, round(LAST_STRETCH * least))

@@ -14,7 +14,7 @@ from sim.insertion.directions import InsertionCone
 from sim.insertion.hand import HAND, HandOptions, HandPath
 from sim.motion import LOOK, displacement_and_speed, let_go_gently, reach
 from sim.scene import Compiled, PushingHand, Scene, compile_scene, with_timestep
-from sim.settings import settings_for
+from sim.settings import KEEPS, RESTS, settings_for
 from sim.shapes.contact_model import ContactModel, facets, pieces
 from sim.shapes.flat_pieces import flat_pieces
 from sim.shapes.solid_pieces import solid_pieces
@@ -22,11 +22,6 @@ from sim.stability import LIMITS
 
 SETTLING_STEPS = 200
 """At most, for what is left free to sink into its contacts; the igloo's 126 parts rest after 40."""
-RESTS = 1e-6
-"""Sizes per second below which what sank rests."""
-KEEPS = 1e-3
-"""Displacement (sizes) up to which a free part that rests counts as keeping its place. At its limit it creeps with the
-settings' step, because contacts give in proportion to the step's square; then finer ones are tried."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

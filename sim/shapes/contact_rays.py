@@ -22,6 +22,7 @@ from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_rays
 from mocca_robot.statics.loads import LoadCase
 from mocca_robot.statics.solution import Status
+from mocca_robot.tolerances import COARSE
 
 COVERED = 0.06
 """Stop once every ray lies this close (radians, in the scaled wrench space) to a kept one."""
@@ -74,7 +75,7 @@ def pair_rays(contacts: Sequence[Contact], resolution: int, friction: float = 0.
         _, points, normals = contact_rays(mine)
         reach = float(np.linalg.norm(np.ptp(points, axis=0)))
         wrenches = generalized_normals(points, normals, points.mean(axis=0), 0.5 * reach)
-        needed = extreme_rays(wrenches, tolerance=1e-6) if friction == 0.0 else _corners(wrenches, normals)
+        needed = extreme_rays(wrenches, tolerance=COARSE) if friction == 0.0 else _corners(wrenches, normals)
         kept = _spread(wrenches[needed], resolution)
         yield PairRays(Rays(pair, points[needed], normals[needed], reach), kept)
 
@@ -141,4 +142,4 @@ def _corners(wrenches: Array, normals: Array) -> IntArray:
     """Return the indices of the outermost points of every normal."""
     _, group = np.unique(np.round(normals, 6), axis=0, return_inverse=True)
     members = (np.flatnonzero(group.ravel() == g) for g in range(group.max() + 1))
-    return np.sort(np.concatenate([mine[extreme_rays(wrenches[mine], tolerance=1e-6)] for mine in members]))
+    return np.sort(np.concatenate([mine[extreme_rays(wrenches[mine], tolerance=COARSE)] for mine in members]))

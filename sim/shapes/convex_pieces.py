@@ -13,6 +13,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import Polygon
 from mocca_robot.errors import InputError
 from mocca_robot.geometry.polygons import to_shapely
+from mocca_robot.tolerances import ROUNDING
 
 
 def convex_pieces(polygon: Polygon) -> tuple[Array, ...]:
@@ -80,7 +81,7 @@ def _convex_at(points: Array, ring: list[int], corners: tuple[int, int]) -> bool
         k = ring.index(corner)
         before, here, after = ring[k - 1], ring[k], ring[(k + 1) % len(ring)]
         spread = np.linalg.norm(points[here] - points[before]) * np.linalg.norm(points[after] - points[here])
-        if _turn(points, before, here, after) < -1e-9 * spread:
+        if _turn(points, before, here, after) < -ROUNDING * spread:
             return False
     return True
 

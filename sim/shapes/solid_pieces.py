@@ -17,8 +17,12 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import Polygon
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.tolerances import COARSE, ROUNDING, TINY
 from sim.shapes.contact_model import ContactModel, Geom, geom
 from sim.shapes.convex_pieces import convex_pieces
+
+SAME_NORMAL, SAME_OFFSET, MEETS = 1e-5, 1e-4, 1e-5
+"""Cells in which normals and offsets (relative to the size) count as one plane, and edges as meeting a point."""
 
 RADIUS = 0.02
 """Of the spheres, relative to the size of a small facet: they must fit into the tip of a bump."""
@@ -67,8 +71,8 @@ def merged(contacts: Sequence[Contact], tolerance: float = 1e-6) -> tuple[Contac
     for contact in contacts:
         size = float(np.ptp(contact.polygon, axis=0).max())
         plane = (
-            tuple(np.round(contact.normal / 1e-5).astype(int)),
-            round(float(contact.centre @ contact.normal) / (1e-4 * size)),
+            tuple(np.round(contact.normal / SAME_NORMAL).astype(int)),
+            round(float(contact.centre @ contact.normal) / (SAME_OFFSET * size)),
         )
         groups.setdefault((contact.parts, plane), []).append(contact)
     out: list[Contact] = []
@@ -122,14 +126,14 @@ def _mean_normals(contacts: Sequence[Contact], reach: float) -> tuple[Array, Arr
     inward = []
     for point in points:
         offset = point - start
-        along = np.clip((offset * edge).sum(axis=1) / np.maximum((edge**2).sum(axis=1), 1e-300), 0.0, 1.0)
-        meets = np.linalg.norm(offset - along[:, None] * edge, axis=1) < 1e-5 * reach
+        along = np.clip((offset * edge).sum(axis=1) / np.maximum((edge**2).sum(axis=1), TINY), 0.0, 1.0)
+        meets = np.linalg.norm(offset - along[:, None] * edge, axis=1) < MEETS * reach
         mine = np.unique(np.round(normals[meets], 6), axis=0)
         mean = mine.sum(axis=0)
-        mean /= max(float(np.linalg.norm(mean)), 1e-9)
+        mean /= max(float(np.linalg.norm(mean)), ROUNDING)
         inward.append(mean / max(float((mine @ mean).min()), 0.2))
     return points, np.array(inward)
 
 
 def _key(point: Array, reach: float) -> tuple[int, ...]:
-    return tuple(int(k) for k in np.round(point / (1e-6 * reach)))
+    return tuple(int(k) for k in np.round(point / (COARSE * reach)))

@@ -20,6 +20,7 @@ from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import insertion_rim
 from mocca_robot.statics.cases import case_at, solve_case
+from mocca_robot.tolerances import EXACT, VISIBLE
 from mocca_robot.verdicts.physics import Verdict
 from sim.insertion.directions import insertion_cone
 from sim.motion import Motion, run
@@ -71,11 +72,11 @@ def shown(graph: PartsGraph) -> Shown:
         cones += [np.stack([tip, tip + length * way]) for way in rim]
     _, points, normals = contact_rays(contacts)
     forces = solve_case(graph, case_at(assembly, 0.0, 0.0)).result.forces.reshape(len(points), -1)[:, 0]
-    scale = 0.5 * assembly.size / max(float(forces.max(initial=0.0)), 1e-12)
+    scale = 0.5 * assembly.size / max(float(forces.max(initial=0.0)), EXACT)
     tails = embed(points)
     arrows = np.stack([tails, tails + scale * forces[:, None] * embed(normals)], axis=1)
     motion = _let_go(compile_scene(free_scene(assembly, contact_model(assembly, contacts))))
-    strong = forces > 1e-3 * max(float(forces.max(initial=0.0)), 1e-12)
+    strong = forces > VISIBLE * max(float(forces.max(initial=0.0)), EXACT)
     return Shown(assembly, ways, np.array(cones).reshape(-1, 2, 3), arrows[strong], motion)
 
 

@@ -175,3 +175,39 @@ def test_only_the_parts_graph_says_how_parts_can_move() -> None:
         assert name_of(path) in derives or not cones, f"{name_of(path)}: use PartsGraph.motion in lines {cones}"
     (wrapped,) = ast.parse("[planar(c) for c in report.contacts]").body
     assert isinstance(wrapped, ast.Expr) and wraps_contacts(wrapped.value)
+
+
+SMALL = 1e-3
+INPUT_LIMITS = ("number", "at_least", "Key")
+"""Calls whose numbers are the limits of a key that somebody writes."""
+
+
+def small_numbers_without_name(source: str) -> list[int]:
+    """Return the lines on which a small number stands inside a function: neither constant, field nor default."""
+    found = []
+
+    def visit(node: ast.AST, inside: bool) -> None:
+        if isinstance(node, ast.Constant) and isinstance(node.value, float) and 0.0 < node.value <= SMALL and inside:
+            found.append(node.lineno)
+        if isinstance(node, ast.arguments):
+            return
+        if isinstance(node, ast.Call):
+            called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if called in INPUT_LIMITS:
+                return
+        for child in ast.iter_child_nodes(node):
+            visit(child, inside or isinstance(node, ast.FunctionDef | ast.Lambda))
+
+    visit(ast.parse(source), False)
+    return found
+
+
+@pytest.mark.parametrize("path", [p for p in MODULES if p.stem not in ("tolerances", "settings")], ids=name_of)
+def test_small_numbers_have_a_name_and_a_reason(path: Path) -> None:
+    lines = small_numbers_without_name(path.read_text(encoding="utf-8"))
+    assert not lines, f"lines {lines}: take one of mocca_robot/tolerances.py, or a constant with its reason"
+
+
+def test_small_numbers_are_found_where_they_stand() -> None:
+    source = "A = 1e-6\ndef f(x, y=1e-6):\n    return x > 1e-9 * y\nclass B:\n    c: float = 1e-4\n"
+    assert small_numbers_without_name(source) == [3]

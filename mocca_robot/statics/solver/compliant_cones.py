@@ -20,6 +20,9 @@ from mocca_robot.statics.solver import cone_kernels, lorentz
 from mocca_robot.statics.solver.blocks import PairBlocks
 from mocca_robot.statics.solver.factors import NotPositiveDefinite
 
+INSIDE = 1e-290
+"""Lorentz product of a point strictly inside its cone: below it, numbers have lost their last digits."""
+
 MAX_ITERATIONS = 60
 REGULAR = 1e-13
 """Inertia that keeps the normal matrix definite where parts can move without touching."""
@@ -158,4 +161,4 @@ def _flat(x: Array) -> Array:
 
 def _is_clear_of_boundary(x: Array) -> bool:
     """Return whether every column lies inside its cone in double precision."""
-    return bool((x[0] > 0.0).all() and (lorentz.inner(x, x) > 1e-290).all())
+    return bool((x[0] > 0.0).all() and (lorentz.inner(x, x) > INSIDE).all())

@@ -17,6 +17,9 @@ from mocca_robot.arrays import Array
 from mocca_robot.statics.solver.compliant_cones import CompliantCones, ConeForces, solve
 from mocca_robot.statics.solver.coulomb_newton import EXACT, CoulombPoint, at, newton
 
+DEPENDENT = 1e-8
+"""Relative singular value of a step that says nothing new."""
+
 MEMORY = 4
 LONGEST_JUMP = 30.0
 """How far an accelerated step may go, in plain steps."""
@@ -192,7 +195,7 @@ def _accelerated(past: list[tuple[Array, Array]]) -> Array:
     s, g = past[-1]
     if len(past) > 1:
         ds, dg = (np.diff(np.array(x), axis=0).T for x in zip(*past, strict=True))
-        step = g - (ds + dg) @ np.linalg.lstsq(dg, g, rcond=1e-8)[0]
+        step = g - (ds + dg) @ np.linalg.lstsq(dg, g, rcond=DEPENDENT)[0]
         if step @ g > 0.0:
             longest = LONGEST_JUMP * float(np.linalg.norm(g))
             return np.asarray(np.maximum(s + min(1.0, longest / float(np.linalg.norm(step))) * step, 0.0))

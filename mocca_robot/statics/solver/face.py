@@ -7,6 +7,7 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.statics.solver.blocks import PairBlocks
 from mocca_robot.statics.solver.factors import NotPositiveDefinite
+from mocca_robot.tolerances import TINY
 
 PENALTY = 1e9
 """Weight of B v + c = 0 against ½|v|² in one solve; a few rounds make both exact."""
@@ -28,7 +29,7 @@ def on_face(blocks: PairBlocks, pull: Array, c: Array, z: Array, pressing: BoolA
     multiplier negative or lets another ray penetrate. With everything pressing, u = 0 proves equilibrium. Without
     slacks a motion that is nearly none is no answer either.
     """
-    weight = np.where(pressing, np.maximum(z / z.max(initial=1e-300), LEAST_WEIGHT) ** 2, 0.0)
+    weight = np.where(pressing, np.maximum(z / z.max(initial=TINY), LEAST_WEIGHT) ** 2, 0.0)
     try:
         factor = blocks.layout.factor(blocks.own_gram / PENALTY, blocks.gram(weight))
     except NotPositiveDefinite:

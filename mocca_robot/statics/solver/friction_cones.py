@@ -18,6 +18,12 @@ from mocca_robot.statics.solver.blocks import PairBlocks
 from mocca_robot.statics.solver.factors import NotPositiveDefinite
 from mocca_robot.statics.solver.interior_point import MAX_ITERATIONS, SMALL_GAP, STALLED_AFTER
 from mocca_robot.statics.solver.solvers import SolverFailed
+from mocca_robot.tolerances import TOLERANCES
+
+GAP_SHARE = 1e-3
+"""Of the energy: a duality gap below it changes no verdict."""
+RIDGE = 1e-10
+"""Share of the Gram matrix added to the system, so that parts without force do not make it singular."""
 
 NEARLY_BALANCED, TRY_AGAIN = 0.05, 0.2
 """`_balanced` gets a try whenever the unbalanced share of the load falls to a fifth: below 0.01 for the first."""
@@ -35,7 +41,7 @@ def solve_friction_cones(blocks: PairBlocks, w: Array) -> Array:
     scaled load of unit norm. Raises SolverFailed when rounding stops the iteration at a relative residual above 1e-6.
     """
     z, residual = _multipliers(blocks, blocks.own_transposed(w))
-    if residual > 1e-6:
+    if residual > TOLERANCES.equilibrium_residual:
         raise SolverFailed(f"The interior point with friction stopped at a relative residual of {residual:.1e}.")
     return blocks.forces(_flat(z))
 
@@ -58,7 +64,7 @@ def _multipliers(blocks: PairBlocks, pull: Array) -> tuple[Array, float]:
             best, best_residual, stalled = z, max(error, gap), 0
         else:
             stalled += 1
-        enough = max(SMALL_GAP, min(TOLERANCE, 1e-3 * 0.5 * float(u @ inertia)))
+        enough = max(SMALL_GAP, min(TOLERANCE, GAP_SHARE * 0.5 * float(u @ inertia)))
         if (error <= 4 * TOLERANCE and gap <= enough) or stalled > STALLED_AFTER:
             break
         left = float(np.linalg.norm(unbalanced))
@@ -120,7 +126,7 @@ def _balanced(blocks: PairBlocks, z: Array, unbalanced: Array) -> Array | None:
 
     # 2 y yᵀ − depth·J = depth (2 b bᵀ − J) with b = y / √depth.
     try:
-        factor = blocks.layout.factor(1e-10 * blocks.own_gram, _gram(blocks, y / np.sqrt(depth), depth))
+        factor = blocks.layout.factor(RIDGE * blocks.own_gram, _gram(blocks, y / np.sqrt(depth), depth))
     except NotPositiveDefinite:
         return None
     change, left = np.zeros_like(z), unbalanced

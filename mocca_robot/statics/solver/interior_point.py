@@ -21,6 +21,7 @@ from mocca_robot.statics.solver.factors import NotPositiveDefinite
 from mocca_robot.statics.solver.newton import Iterate, PrimalDual, UnitLoad
 from mocca_robot.statics.solver.solvers import SolverFailed
 from mocca_robot.statics.solver.system import ContactSystem
+from mocca_robot.tolerances import TINY, TOLERANCES
 
 MAX_ITERATIONS = 100
 TOLERANCE = 2e-9
@@ -66,7 +67,7 @@ class Kept:
         if self.point is None or self.before is None or self.before.point is None:
             return self.point
         last, step = self.pull - self.before.pull, pull - self.pull
-        ratio = float(last @ step) / max(float(last @ last), 1e-300)
+        ratio = float(last @ step) / max(float(last @ last), TINY)
         if not 0.0 < ratio < 1.5 or float(np.linalg.norm(step - ratio * last)) > 0.1 * float(np.linalg.norm(step)):
             return self.point
         new, old = self.point, self.before.point
@@ -103,7 +104,7 @@ def _solve_chain(blocks: PairBlocks, c: Array, loads: Array, motions: Array, for
         z, residual, after = _solved(problem, kept)
         if kept is not None and residual > 4 * TOLERANCE:
             z, residual, after = _solved(problem, None)
-        if residual > 1e-6:
+        if residual > TOLERANCES.equilibrium_residual:
             raise SolverFailed(f"The interior point stopped at a relative residual of {residual:.1e}.")
         forces[k] = blocks.forces(z * scale)
         motions[k] = load + scale * blocks.own_wrenches(blocks.transposed_times(z))

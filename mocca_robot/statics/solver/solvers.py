@@ -14,6 +14,12 @@ import scipy.sparse as sp
 
 from mocca_robot.arrays import Array
 from mocca_robot.errors import MoccaError, nearest
+from mocca_robot.tolerances import EXACT
+
+SOLVED = 1e-8
+"""KKT residual with which no second solver is asked: a tenth of `TOLERANCES.kkt`."""
+ACCURACY, FEASIBLE, SPLITTING = 1e-11, 1e-10, 1e-9
+"""What interior points, active sets and operator splitting are asked for: what each reaches in double precision."""
 
 Solver: TypeAlias = Callable[[sp.csr_array, Array, Array], tuple[Array, Array]]
 
@@ -42,7 +48,7 @@ def solve(b: sp.csr_array, w: Array, c: Array, name: str = "auto") -> tuple[Arra
         except SolverFailed:
             continue
         residual = kkt_residual(b, w, c, v, f)
-        if residual <= 1e-8:
+        if residual <= SOLVED:
             return v, f
         if best is None or residual < best[0]:
             best = (residual, v, f)
@@ -84,8 +90,8 @@ def solve_daqp(b: sp.csr_array, w: Array, c: Array) -> tuple[Array, Array]:
         np.full(len(c), 1e30),
         -c / scale,
         np.zeros(len(c), dtype=np.int32),
-        primal_tol=1e-10,
-        dual_tol=1e-12,
+        primal_tol=FEASIBLE,
+        dual_tol=EXACT,
     )
     if flag < 1:
         raise SolverFailed(f"DAQP ended with flag {flag}.")
@@ -99,10 +105,10 @@ def solve_piqp(b: sp.csr_array, w: Array, c: Array) -> tuple[Array, Array]:
     n = len(w)
     scale = float(np.linalg.norm(w)) or 1.0
     solver = piqp.SparseSolver()
-    solver.settings.eps_abs = 1e-11
-    solver.settings.eps_rel = 1e-11
-    solver.settings.eps_duality_gap_abs = 1e-11
-    solver.settings.eps_duality_gap_rel = 1e-11
+    solver.settings.eps_abs = ACCURACY
+    solver.settings.eps_rel = ACCURACY
+    solver.settings.eps_duality_gap_abs = ACCURACY
+    solver.settings.eps_duality_gap_rel = ACCURACY
     solver.settings.max_iter = 200
     solver.setup(sp.eye_array(n, format="csc"), -w / scale, None, None, sp.csc_matrix(b), -c / scale, None, None, None)
     solver.solve()
@@ -121,7 +127,7 @@ def solve_clarabel(b: sp.csr_array, w: Array, c: Array) -> tuple[Array, Array]:
     scale = float(np.linalg.norm(w)) or 1.0
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = ACCURACY
     solver = clarabel.DefaultSolver(
         sp.csc_matrix(sp.eye_array(n)),
         -w / scale,
@@ -150,8 +156,8 @@ def solve_osqp(b: sp.csr_array, w: Array, c: Array) -> tuple[Array, Array]:
         sp.csc_matrix(b),
         -c / scale,
         np.full(m, np.inf),
-        eps_abs=1e-9,
-        eps_rel=1e-9,
+        eps_abs=SPLITTING,
+        eps_rel=SPLITTING,
         max_iter=200_000,
         polishing=True,
         verbose=False,

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.errors import InputError
 from mocca_robot.geometry.cones import generalized_normals
+from mocca_robot.tolerances import COARSE
 
 if TYPE_CHECKING:
     from mocca_robot.statics.solver.blocks import PairBlocks
@@ -72,7 +73,7 @@ class ContactSystem:
         if not (np.isfinite(points).all() and np.isfinite(normals).all()):
             raise InputError("Contact points and normals must be finite numbers.")
         lengths = np.linalg.norm(normals, axis=1)
-        if len(lengths) and np.abs(lengths - 1.0).max() > 1e-6:
+        if len(lengths) and np.abs(lengths - 1.0).max() > COARSE:
             worst = int(np.abs(lengths - 1.0).argmax())
             raise InputError(f"Normal {worst} has length {lengths[worst]:.6g}; normals must have length 1.")
         about = np.zeros((n_parts, d)) if about is None else np.asarray(about, dtype=np.float64)

@@ -12,7 +12,19 @@ from mocca_robot.errors import InputError
 from mocca_robot.plan.arm_models import RobotModel
 from mocca_robot.plan.pose import pose_of, rotation_vector, transform
 from mocca_robot.plan.wiring import VacuumWiring
+from mocca_robot.tolerances import ROUNDING
 from mocca_robot.ur.fake.world import Fault, Trigger, World
+
+SLOWEST = 1e-6
+"""Speed (rad/s, m/s) and acceleration that a move has at least, whatever it is sent with."""
+LOWEST_HZ = 1e-3
+"""Of a watchdog."""
+STILL_RAD_S = 1e-3
+"""Joints slower than this stand still."""
+THERE = 1e-5
+"""Distance (rad, m) at which a move has arrived."""
+SINGULAR_RIDGE = 1e-3
+"""Added to a singular Jacobian."""
 
 SERVO_LAG_S = 0.04
 ZERO_S = 0.1
@@ -220,7 +232,7 @@ class FakeArm:
             self._target_q = (
                 self.model.solve_pose(values[:6], self.q, list(self.tcp_offset)) if self._linear else values[:6]
             )
-            self._rates = (max(values[6], 1e-6), max(values[7], 1e-6))
+            self._rates = (max(values[6], SLOWEST), max(values[7], SLOWEST))
             self.begin("path")
             self.mode, self._busy = "path", self.ints[1] == 0
         elif command in (7, 15, 16, 33, 34):
@@ -232,7 +244,7 @@ class FakeArm:
         elif command == 29 and Fault.TCP_IGNORED not in self.world.active:
             self.tcp_offset = values[:6]
         elif command == 35:
-            self.watchdog_s, self.unfed_s = 1.0 / max(values[0], 1e-3), 0.0
+            self.watchdog_s, self.unfed_s = 1.0 / max(values[0], LOWEST_HZ), 0.0
         elif command in (36, 37):
             self.out_ints[1] = int(self._safe(values[:6], joints=command == 37))
         elif command == 40:
@@ -244,7 +256,7 @@ class FakeArm:
             near = values[6:12] if command == 30 else self.q
             self.out_doubles[:6] = list(self.model.solve_pose(values[:6], near, list(self.tcp_offset)))
         elif command == 47:
-            self.out_ints[1] = int(float(np.abs(self.qd).max()) < 1e-3)
+            self.out_ints[1] = int(float(np.abs(self.qd).max()) < STILL_RAD_S)
         elif command == 255:
             self.stop_program("by its client")
         elif command not in (17, 20, 21, 29):
@@ -269,7 +281,7 @@ class FakeArm:
         wanted = self._velocity(dt) * self.slider
         if self.mode == "idle":
             fastest = float(np.abs(self.qd).max())
-            wanted = self.qd * (max(fastest - STOP_RAD_S2 * dt, 0.0) / max(fastest, 1e-9))
+            wanted = self.qd * (max(fastest - STOP_RAD_S2 * dt, 0.0) / max(fastest, ROUNDING))
             if self._busy and not wanted.any():
                 self._busy = False
                 self.out_ints[0] = 2
@@ -306,7 +318,7 @@ class FakeArm:
         else:
             error = self._target_q - self.q
             left = float(np.abs(error).max())
-        if left < 1e-5:
+        if left < THERE:
             self.mode, self._busy = "idle", False
             self.qd = np.zeros(6)
             if self._executing:
@@ -332,8 +344,8 @@ class FakeArm:
     def _joint_rates(self, twist: Array) -> Array:
         """Return the joint speeds of a tool speed, damped near singularities."""
         jacobian = self.model.jacobian(self.q, list(self.tcp_offset))
-        if abs(float(np.linalg.det(jacobian))) < 1e-9:
-            jacobian = jacobian + 1e-3 * np.eye(6)
+        if abs(float(np.linalg.det(jacobian))) < ROUNDING:
+            jacobian = jacobian + SINGULAR_RIDGE * np.eye(6)
         return np.asarray(np.linalg.solve(jacobian, twist), dtype=np.float64)
 
     def tcp_pose(self) -> list[float]:

@@ -22,11 +22,15 @@ from mocca_robot.plan.arm_models import RobotModel, robot_model
 from mocca_robot.plan.calibration import Calibration
 from mocca_robot.plan.plan import Plan
 from mocca_robot.plan.pose import six
+from mocca_robot.tolerances import MM
 from mocca_robot.ur import primary
 from mocca_robot.ur.fake.arm import NORMAL, PLAYING, PROTECTIVE, ROBOT_EMERGENCY, RUNNING, SAFEGUARD, FakeArm
 from mocca_robot.ur.fake.rtde import VERSION, RtdeServer
 from mocca_robot.ur.fake.world import Fault, Trigger, World
 from mocca_robot.ur.priority import prefer_this_process
+
+PROBE = 1e-4
+"""Change of the lengths (m) from which the change that moves the flange as far as asked is reckoned."""
 
 TICK_S = 0.008
 LONGEST_TICK_S = 0.05
@@ -61,8 +65,8 @@ def _off_by(model: RobotModel, q: Array, distance: float) -> RobotModel:
         theta, alpha = np.array([model.theta, model.alpha]) + 2.0 * size * angles
         return replace(model, a=six(a), d=six(d), theta=six(theta), alpha=six(alpha))
 
-    unit = float(np.linalg.norm(at(1e-4).tcp_matrix(q)[:3, 3] - model.tcp_matrix(q)[:3, 3]))
-    return at(1e-4 * distance / unit)
+    unit = float(np.linalg.norm(at(PROBE).tcp_matrix(q)[:3, 3] - model.tcp_matrix(q)[:3, 3]))
+    return at(PROBE * distance / unit)
 
 
 class FakeController:
@@ -85,7 +89,7 @@ class FakeController:
         world = World.of_plan(plan) if plan else World()
         q = np.array(plan.first_waypoint.q if plan else HOME)
         if calibration_mm:
-            model = _off_by(model, q, calibration_mm * 1e-3)
+            model = _off_by(model, q, calibration_mm * MM)
         self.calibration = Calibration(theta=model.theta, a=model.a, d=model.d, alpha=model.alpha)
         if plan is not None:
             q = model.solve_pose(plan.first_waypoint.tcp, q, plan.cell.tcp_offset)

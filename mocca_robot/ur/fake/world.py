@@ -13,6 +13,11 @@ from mocca_robot.errors import InputError, nearest
 from mocca_robot.plan.plan import MoveKind, Plan, insertion_axis
 from mocca_robot.plan.pose import transform
 
+FINGERS_GIVE_M = 1e-4
+"""How much narrower than the part fingers may stand without colliding."""
+MOVES_M_S = 1e-4
+"""What is slower stands still: it neither rubs nor runs into anything."""
+
 SEAT_STIFFNESS_N_M = 20_000.0
 """Of the place where a part ends up: force control in steps of 30 ms stays stable on it."""
 SEAT_PLAY_M = 2e-4
@@ -172,7 +177,7 @@ class World:
         """
         out = np.zeros(6)
         for k, part in enumerate(self.parts):
-            if opening_m is not None and k not in self.taken and opening_m < part.width_m - 1e-4:
+            if opening_m is not None and k not in self.taken and opening_m < part.width_m - FINGERS_GIVE_M:
                 deep = part.depth(position)
                 out[:3] -= part.tool_axis * (EARLY_STIFFNESS_N_M * deep)
         speed = float(np.linalg.norm(velocity))
@@ -182,13 +187,13 @@ class World:
                 along = float(offset @ seat.axis)
                 beyond = along - seat.depth_m - SEAT_PLAY_M
                 out[:3] -= seat.axis * (SEAT_STIFFNESS_N_M * max(beyond, 0.0))
-                if along > 0 and speed > 1e-4:
+                if along > 0 and speed > MOVES_M_S:
                     out[:3] -= seat.axis * SLIDING_N
                 out[:3] += seat.guide(offset)
             if self.jammed:
                 out[:3] -= push * push_n
         if Fault.CONTACT in self.active:
-            if self._early_point is None and speed > 1e-4:
+            if self._early_point is None and speed > MOVES_M_S:
                 self._early_point, self._early_direction = position.copy(), velocity / speed
             if self._early_point is not None and self._early_direction is not None:
                 depth = float((position - self._early_point) @ self._early_direction)
