@@ -120,6 +120,8 @@ def lines(built: BuildPlan) -> list[str]:
     """Return what was planned, for people."""
     import numpy as np
 
+    from mocca_robot.plan.cycle import cycle_times
+
     out = []
     for fall in built.falls:
         shown = [*fall.moving[:NAMES], *([f"{len(fall.moving) - NAMES} more"] if len(fall.moving) > NAMES else [])]
@@ -147,19 +149,29 @@ def lines(built: BuildPlan) -> list[str]:
         yaw = np.rad2deg(built.cell.build_yaw_rad)
         out.append(f"the structure stands at ({x:.3f}, {y:.3f}, {z:.3f}) m, turned by {yaw:.0f}°")
     if built.plan is not None:
-        total = sum(m.path[-1].t for s in built.plan.steps for m in s.moves)
-        out.append(f"{len(built.plan.steps)} parts, {total:.0f} s of motion")
+        cycles = cycle_times(built.plan)
+        out += [f"{c.part}: {c.words()}" for c in cycles]
+        moving, standing = sum(c.moving_s for c in cycles), sum(c.standing_s for c in cycles)
+        preset = built.plan.cell.limits.preset
+        out.append(
+            f"{len(cycles)} parts, {moving:.0f} s of motion and about {standing:.0f} s standing still, "
+            f"{(moving + standing) / 60:.1f} min in all (preset '{preset}')"
+        )
     return out
 
 
 def document(built: BuildPlan) -> dict[str, Any]:
     """Return what was planned, for programs; angles in radians."""
+    from mocca_robot.plan.cycle import cycle_times
+
+    cycles = () if built.plan is None else cycle_times(built.plan)
     return {
         "planned": built.plan is not None and all(r.placed for r in built.reports),
         "steps": 0 if built.plan is None else len(built.plan.steps),
         "origin_m": built.cell.build_origin_m.tolist(),
         "yaw_deg": math.degrees(built.cell.build_yaw_rad),
         "parts": [dict(vars(r)) for r in built.reports],
+        "cycles": [dict(vars(c)) for c in cycles],
         "falls": [{"part": f.part, "moving": list(f.moving)} for f in built.falls],
         "out_of_reach": list(built.out_of_reach),
     }

@@ -55,8 +55,11 @@ class DryRun:
         if (wiring := plan.cell.vacuum) is not None:
             switch = "no vacuum switch: grips are taken on trust" if wiring.input is None else f"switch {wiring.input}"
             lines.append(f"vacuum: output {wiring.output}, {switch}; at most {wiring.wait_s:g} s to come or go")
-        if accepted := plan.cell.limits.accepted:
-            lines.append(f"contact counts from {plan.cell.limits.contact_force_n:g} N, accepted by the lab: {accepted}")
+        limits = plan.cell.limits
+        fast = f"free motion at up to {limits.transfer_speed_m_s:g} m/s, lifts {limits.lift_speed_m_s:g} m/s"
+        lines.append(f"preset '{limits.preset}': {fast}")
+        if limits.accepted:
+            lines.append(f"contact counts from {limits.contact_force_n:g} N, accepted by the lab: {limits.accepted}")
         if words := undrivable(plan):
             lines.append(f"cannot be executed: {words}")
         if holding := [name for name in plan.supports if name not in plan.cradles]:

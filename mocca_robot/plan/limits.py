@@ -1,8 +1,10 @@
 """Safety caps: what the driver never exceeds, whatever a plan asks. Configuration may only lower them.
 
 The figures are published starting points for assembly with e-series arms; they are unproven on hardware here. A cell's
-own risk assessment (ISO 10218-2, ISO/TS 15066) decides what is safe, and may only tighten them, with one exception: the
-force that counts as contact follows the arm's sensor, and a lab may raise it if it says who accepts that, and why.
+own risk assessment (ISO 10218-2, ISO/TS 15066) decides what is safe, and may only tighten them, with two exceptions:
+the force that counts as contact follows the arm's sensor, and a lab may raise it if it says who accepts that, and why;
+and `preset` chooses how fast the arm moves: `reduced` unless said otherwise, `collaborative`, or `fenced`, which nobody
+gets without saying who accepts it.
 """
 
 from __future__ import annotations
@@ -17,10 +19,14 @@ from mocca_robot.errors import InputError, nearest
 
 @dataclass(frozen=True, kw_only=True)
 class MotionLimits:
-    """Caps of one cell. SI units; a plan or configuration can lower each, never raise it above `HARD_CAPS`."""
+    """Caps of one cell. SI units; a plan or configuration can lower each, never raise it above those of its preset."""
 
+    preset: str = "reduced"
+    """Which of `PRESETS` the caps are those of."""
     transfer_speed_m_s: float = 0.10
     transfer_acceleration_m_s2: float = 0.5
+    lift_speed_m_s: float = 0.05
+    retreat_speed_m_s: float = 0.05
     approach_speed_m_s: float = 0.02
     insert_speed_m_s: float = 0.01
     insert_acceleration_m_s2: float = 0.1
@@ -75,13 +81,15 @@ class MotionLimits:
             raise InputError(
                 f"{where or 'Limits'}: 'accepted' is {accepted!r}; write who accepts what is raised, and why."
             )
+        preset = _preset(values, self.preset, accepted, where or "Limits")
         changes: dict[str, float | int | str] = {"accepted": accepted} if accepted else {}
+        if "preset" in values:
+            changes |= {"preset": preset, **SPEEDS[preset]}
         for name, value in values.items():
             if name not in known:
-                place = f"{where}: limit" if where else "Limit"
                 raise InputError(f"{place} '{name}' is unknown; {nearest(name, known)}")
-            if name != "accepted":
-                changes[name] = _checked(name, value, where, _cap(name, accepted, contact_cap_n))
+            if name not in WORDS:
+                changes[name] = _checked(name, value, where, _cap(name, preset, accepted, contact_cap_n))
         return replace(self, **changes)  # type: ignore[arg-type]
 
     def changed(self) -> dict[str, float | str]:
@@ -90,11 +98,25 @@ class MotionLimits:
         return {name: value for name, value in asdict(self).items() if value != default[name]}
 
 
-def _cap(name: str, accepted: str, contact_cap_n: float | None) -> float:
+def _preset(values: Mapping[str, object], before: str, accepted: str, where: str) -> str:
+    """Return the preset that `values` ask for; InputError for an unknown one, or one that nobody accepted."""
+    preset = values.get("preset", before)
+    if not isinstance(preset, str) or preset not in SPEEDS:
+        raise InputError(f"{where}: preset is {preset!r}; {nearest(str(preset), SPEEDS)}")
+    if preset in NEEDS_ACCEPTANCE and not accepted:
+        fast = SPEEDS[preset]["transfer_speed_m_s"]
+        raise InputError(
+            f"{where}: preset '{preset}' moves the arm at up to {fast:g} m/s, which is for a cell that nobody can "
+            "enter while it moves. Add 'accepted: WHO, WHY' beside it, or take 'collaborative'."
+        )
+    return preset
+
+
+def _cap(name: str, preset: str, accepted: str, contact_cap_n: float | None) -> float:
     """Return the largest value of a limit: the driver's, the arm's, or what somebody may accept."""
     if accepted and name in RAISABLE:
         return RAISABLE[name]
-    cap = float(getattr(HARD_CAPS, name))
+    cap = SPEEDS[preset].get(name, float(getattr(HARD_CAPS, name)))
     return max(cap, contact_cap_n) if name == "contact_force_n" and contact_cap_n is not None else cap
 
 
@@ -121,18 +143,45 @@ def _checked(name: str, value: object, where: str, cap: float) -> float | int:
 
 
 HARD_CAPS = replace(MotionLimits(), abort_force_n=40.0)
-"""No configuration exceeds these; only the abort force has room above its default (25 N)."""
+"""No configuration exceeds these, except for the speeds of its preset; only the abort force has room above its default
+(25 N)."""
+_MOVING = (
+    "transfer_speed_m_s",
+    "transfer_acceleration_m_s2",
+    "lift_speed_m_s",
+    "retreat_speed_m_s",
+    "joint_speed_rad_s",
+    "joint_acceleration_rad_s2",
+)
+SPEEDS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "reduced": MappingProxyType({name: float(getattr(HARD_CAPS, name)) for name in _MOVING}),
+        "collaborative": MappingProxyType(
+            dict(zip(_MOVING, (0.5, 1.0, 0.25, 0.25, math.radians(60), math.radians(80)), strict=True))
+        ),
+        "fenced": MappingProxyType(
+            dict(zip(_MOVING, (1.0, 2.0, 0.5, 0.5, math.radians(120), math.radians(160)), strict=True))
+        ),
+    }
+)
+"""The caps of free motion by preset. What touches parts, approach, pick and insertion, is the same in all: it is about
+the structure. 0.25 m/s is the reduced speed of ISO 10218-1, with which people teach robots; 0.5 m/s is a starting point
+for a risk assessment after ISO/TS 15066, whose limits depend on what the arm carries and whom it could meet where."""
+NEEDS_ACCEPTANCE = frozenset({"fenced"})
 
 RAISABLE = MappingProxyType({"contact_force_n": 20.0})
 """What a lab may raise above the driver's caps, and how far, when it says who accepts that: a sensor that is noisier
 than others sees contacts where there are none."""
-NUMBERS = tuple(f.name for f in fields(MotionLimits) if f.name != "accepted")
+WORDS = frozenset({"preset", "accepted"})
+NUMBERS = tuple(f.name for f in fields(MotionLimits) if f.name not in WORDS)
 RAISE_IS_SAFER = frozenset({"watchdog_hz"})
 
 _FLOORS = MappingProxyType(
     {
         "transfer_speed_m_s": 1e-3,
         "transfer_acceleration_m_s2": 1e-2,
+        "lift_speed_m_s": 1e-3,
+        "retreat_speed_m_s": 1e-3,
         "approach_speed_m_s": 1e-3,
         "insert_speed_m_s": 1e-3,
         "insert_acceleration_m_s2": 1e-2,
@@ -156,6 +205,8 @@ _FLOORS = MappingProxyType(
 
 
 def bounds(name: str) -> tuple[float, float | None]:
-    """Return the smallest and the largest value that configuration may give one limit; None = as large as it likes."""
-    cap = getattr(HARD_CAPS, name)
+    """Return the smallest and the largest value that configuration may give one limit in any preset; None = as large as
+    it likes.
+    """
+    cap = max(float(getattr(HARD_CAPS, name)), *(s.get(name, 0.0) for s in SPEEDS.values()))
     return (cap, None) if name in RAISE_IS_SAFER else (_FLOORS.get(name, 0.0), cap)

@@ -82,9 +82,13 @@ def findings(plan: Plan, arm: RobotModel | None = None) -> list[PlanFinding]:
 
 def speed_cap(kind: MoveKind, limits: MotionLimits) -> float:
     """Return the fastest that a move of this kind may be, m/s."""
-    if kind is MoveKind.TRANSIT:
-        return limits.transfer_speed_m_s
-    return limits.insert_speed_m_s if kind is MoveKind.INSERT else limits.approach_speed_m_s
+    by_kind = {
+        MoveKind.TRANSIT: limits.transfer_speed_m_s,
+        MoveKind.LIFT: limits.lift_speed_m_s,
+        MoveKind.RETREAT: limits.retreat_speed_m_s,
+        MoveKind.INSERT: limits.insert_speed_m_s,
+    }
+    return by_kind.get(kind, limits.approach_speed_m_s)
 
 
 def _cell_findings(cell: Cell, model: RobotModel) -> Iterator[PlanFinding]:

@@ -31,7 +31,8 @@ from mocca_robot.ur.priority import preferred
 
 CALL_S = 1.0
 """A command of the control script answers within a few cycles; a second means that nobody is there."""
-DECELERATION_M_S2 = 2.0
+DECELERATION_RAD_S2, STOPPING_S = 2.0, 0.5
+"""Joints brake with at least this, and from their fastest within this time."""
 SERVO_GAIN = 300.0
 SERVO_LOOKAHEAD_S = 0.05
 
@@ -71,6 +72,7 @@ class UrArm:
         self._cleared = False
         self._fed_at = 0.0
         self._unfed_s = 0.0
+        self._braking = max(DECELERATION_RAD_S2, self.limits.joint_speed_rad_s / STOPPING_S)
 
     # Opening and closing
 
@@ -198,7 +200,7 @@ class UrArm:
 
     def end_servo(self) -> None:
         """Come to rest."""
-        self._order("servoStop", DECELERATION_M_S2)
+        self._order("servoStop", self._braking)
         self._moving = False
 
     def push_along(self, frame: Six, force_n: float, speed_m_s: float) -> None:
@@ -247,7 +249,7 @@ class UrArm:
             try:
                 if self._forcing:
                     self._hands.call("forceModeStop", deadline_s=CALL_S)
-                self._hands.call("servoStop", DECELERATION_M_S2, deadline_s=CALL_S)
+                self._hands.call("servoStop", self._braking, deadline_s=CALL_S)
             except LinkLost:
                 pass  # the hands have been killed by that: the next lines go round them
             else:

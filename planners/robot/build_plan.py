@@ -21,17 +21,18 @@ from mocca_robot.plan.plan import Move, MoveKind, Plan, Step
 from planners.robot.bench import Bench
 from planners.robot.build_result import BuildPlan, PartReport
 from planners.robot.cell import RobotCell
+from planners.robot.effort import strain
 from planners.robot.falling_states import falls
 from planners.robot.grasp import GraspSearch, find_grasps
 from planners.robot.grasp_pose import GraspPose, count, summary
-from planners.robot.pick import picks, reachable, tool_down
+from planners.robot.pick import Pick, picks, reachable, tool_down
 from planners.robot.scene import CellScene
 from planners.robot.seat import Seat, seats
 from planners.robot.site import Site, site
 from planners.robot.standing_place import carried_over, standings
 from planners.robot.timed_step import FORCE_N, end, timed_step
 from planners.robot.trajectory import joint_motion
-from planners.robot.transit import connect
+from planners.robot.transit import way
 from planners.robot.tray import tray_layout, with_layout
 
 ATTEMPTS = 60
@@ -40,6 +41,10 @@ TRANSIT_FAILURES = 6
 PLACES = 3
 """Standing places that are looked at in full when some part finds no way into its place."""
 
+STRAINED = 8
+"""So many ways that flip the elbow or turn a joint very far are found before the least strained of them is taken."""
+
+_Ways = tuple[list[Array], list[Array]]
 Progress = Callable[[str], None]
 
 
@@ -212,7 +217,9 @@ class _Attempt:
     reasons: dict[str, int] = field(default_factory=dict)
 
     def step(self) -> Step | None:
-        """Return the first step found: ways into the place, best first, each with ways to take the part."""
+        """Return the first step without strain, of ways into the place, best first, each with ways to take the part; or
+        the least strained of the first few.
+        """
         bench, name = self.bench, self.bench.site.bodies[self.index].name
         insertion = self.search.insertions.get(name)
         if insertion is None:
@@ -223,27 +230,33 @@ class _Attempt:
         grasps = self.search.grasps[name]
         direction = bench.site.turn @ insertion.direction
         usable = reachable(bench, name, grasps) if grasps else None
+        strained: list[tuple[tuple[int, float], int, Seat, Pick, _Ways]] = []
         for seat in seats(bench, name, grasps, direction, self.at, self.reasons, usable):
             self.attempts += 1
             for pick in picks(bench, name, seat, self.reasons):
                 found = self._connect(name, seat, pick.q_above, pick.q_lifted, pick.flange)
-                if found is None:
-                    if self.transit_failures >= TRANSIT_FAILURES:
-                        return None
-                    continue
-                timed = timed_step(bench, self.index, insertion, direction, seat, pick, *found)
-                if timed.step is not None:
-                    self.placed, self.usable_rad, self.width_m = True, timed.usable_rad, seat.grasp.width_m
-                    return timed.step
-                count(self.reasons, f"timing: {timed.reason}")
-            if self.attempts >= ATTEMPTS:
-                return None
-        return None
+                if found is not None:
+                    cost = strain(bench.cell, found)
+                    strained.append((cost, len(strained), seat, pick, found))
+                    if cost[0] == 0 and (step := self._timed(insertion, direction, *strained.pop()[2:])):
+                        return step
+                if len(strained) >= STRAINED or self.transit_failures >= TRANSIT_FAILURES:
+                    break
+            if len(strained) >= STRAINED or self.transit_failures >= TRANSIT_FAILURES or self.attempts >= ATTEMPTS:
+                break
+        ordered = sorted(strained, key=lambda s: s[:2])
+        return next((t for s in ordered if (t := self._timed(insertion, direction, *s[2:]))), None)
 
-    def _connect(
-        self, name: str, seat: Seat, q_above: Array, q_lifted: Array, pick: Array
-    ) -> tuple[list[Array], list[Array]] | None:
-        """Return the corners of the ways to the tray and on to the structure."""
+    def _timed(self, insertion: Insertion, direction: Array, seat: Seat, pick: Pick, ways: _Ways) -> Step | None:
+        timed = timed_step(self.bench, self.index, insertion, direction, seat, pick, *ways)
+        if timed.step is None:
+            count(self.reasons, f"timing: {timed.reason}")
+            return None
+        self.placed, self.usable_rad, self.width_m = True, timed.usable_rad, seat.grasp.width_m
+        return timed.step
+
+    def _connect(self, name: str, seat: Seat, q_above: Array, q_lifted: Array, pick: Array) -> _Ways | None:
+        """Return the legs of the ways to the tray and on to the structure."""
         bench = self.bench
         limit = np.asarray(bench.cell.model.joint_limit_rad)
         opened, closed = seat.grasp.width_m + bench.cell.gripper.opening_m, seat.grasp.width_m
@@ -251,14 +264,14 @@ class _Attempt:
         seed = 2 * (self.search.seed + 1000 * self.index + self.transit_failures)
         bench.scene.assign(carried=name)
         grip: Array = np.linalg.inv(pick) @ waiting
-        to_seat = connect(q_lifted, seat.q_before, lambda q: not bench.free(q, closed, grip), limit, seed)
+        to_seat = way(q_lifted, seat.q_before, lambda q: not bench.free(q, closed, grip), limit, seed)
         bench.scene.place(name, waiting)
         bench.scene.assign()
         if to_seat is None:
             count(self.reasons, "transit to the structure: no way found")
             self.transit_failures += 1
             return None
-        to_tray = connect(self.at, q_above, lambda q: not bench.free(q, opened), limit, seed + 1)
+        to_tray = way(self.at, q_above, lambda q: not bench.free(q, opened), limit, seed + 1)
         if to_tray is None:
             count(self.reasons, f"transit to the tray: {bench.free(self.at, opened) or 'no way found'}")
             self.transit_failures += 1
@@ -290,14 +303,14 @@ def _homeward(bench: Bench, step: Step, seed: int) -> Step:
     at = end(step.moves[-1].path)
     opening = step.moves[-1].gripper_m
     limit = np.asarray(bench.cell.model.joint_limit_rad)
-    way = connect(at, np.array(bench.cell.home), lambda q: not bench.free(q, opening), limit, seed)
-    if way is None:
+    legs = way(at, np.array(bench.cell.home), lambda q: not bench.free(q, opening), limit, seed)
+    if legs is None:
         return step
     limits = bench.cell.limits
     force = min(FORCE_N, limits.abort_force_n)
     move = Move(
         kind=MoveKind.TRANSIT,
-        path=joint_motion(bench.cell, way),
+        path=joint_motion(bench.cell, legs),
         speed_m_s=limits.transfer_speed_m_s,
         force_limit_n=force,
         gripper_m=opening,

@@ -18,7 +18,7 @@ from mocca_robot.files.versions import CELL
 from mocca_robot.plan.arm_models import RobotModel, robot_model
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Cell, Plan
-from mocca_robot.plan.pose import three
+from mocca_robot.plan.pose import six, three
 from planners.robot.cell_keys import CELL_KEYS, EXAMPLE
 from planners.robot.tool import Gripper, SuctionGripper, read_gripper
 
@@ -104,6 +104,7 @@ class RobotCell:
         )
 
 
+SMALLEST_RANGE_DEG = 10.0
 AUTO_YAWS = 12
 """Turns of the structure that `yaw_deg: auto` chooses from."""
 
@@ -127,13 +128,14 @@ def cell_from_document(content: object, where: str) -> RobotCell:
     top = read_whole(CELL_KEYS, raw, "", where, EXAMPLE)
     build = read_whole(CELL_KEYS, top["build"], "build", f"{where}: build", EXAMPLE)
     tray = read_whole(CELL_KEYS, top["tray"], "tray", f"{where}: tray", EXAMPLE)
-    contact_n = robot_model(top["robot"]).contact_force_n
+    model = _ranged(robot_model(top["robot"]), top["joint_range_deg"], top["home_deg"], where)
+    contact_n = model.contact_force_n
     places = _places(build["origin_m"], f"{where}: build.origin_m")
     yaws = _yaws(build["yaw_deg"], f"{where}: build.yaw_deg")
     return RobotCell(
         name=top["name"],
         serial=top["serial"],
-        model=robot_model(top["robot"]),
+        model=model,
         gripper=read_gripper(top["gripper"], f"{where}: gripper"),
         table_m=top["table_m"],
         workspace_m=top["workspace_m"],
@@ -153,6 +155,19 @@ def cell_from_document(content: object, where: str) -> RobotCell:
         limits=replace(MotionLimits(), contact_force_n=contact_n).lowered(top["limits"], where, contact_n),
         document=raw,
     )
+
+
+def _ranged(model: RobotModel, range_deg: Array, home_deg: Array, where: str) -> RobotModel:
+    """Return the arm with joints that turn no farther than the cell's cables allow; home has to be within that."""
+    allowed = np.minimum(np.rad2deg(model.joint_limit_rad), range_deg)
+    for j, (most, home) in enumerate(zip(allowed, home_deg, strict=True)):
+        if most < SMALLEST_RANGE_DEG:
+            raise InputError(
+                f"{where}: joint_range_deg allows joint {j} {most:g}°; at least {SMALLEST_RANGE_DEG:g}° are needed."
+            )
+        if abs(home) > most:
+            raise InputError(f"{where}: home_deg turns joint {j} to {home:g}°, which may turn ±{most:g}° at most.")
+    return replace(model, joint_limit_rad=six(np.deg2rad(allowed)))
 
 
 def _places(value: object, where: str) -> tuple[Array, ...]:

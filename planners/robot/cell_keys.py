@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mocca_robot.config.keys import Key
 from mocca_robot.plan.arm_models import MODELS
-from mocca_robot.plan.limits import NUMBERS, RAISABLE, MotionLimits, bounds
+from mocca_robot.plan.limits import NUMBERS, RAISABLE, SPEEDS, MotionLimits, bounds
 from mocca_robot.plan.reader import GRIPPERS
 from mocca_robot.plan.wiring import DEFAULT_WAIT_S, SIGNALS, WAIT_S
 
@@ -87,6 +87,14 @@ CELL_KEYS: tuple[Key, ...] = (
         "Joint angles in which a build begins and ends.",
         size=6,
         required=True,
+    ),
+    Key(
+        "joint_range_deg",
+        "vector",
+        [360] * 6,
+        "deg",
+        "How far each joint may turn either way, where hoses and cables allow less than the arm.",
+        size=6,
     ),
     Key("limits", "mapping", {}, "", "Caps of the driver by name, lowered; see below."),
 )
@@ -176,6 +184,8 @@ def _limit(name: str) -> Key:
     said = "may only be raised" if high is None else "may only be lowered"
     if name in RAISABLE:
         said, high = f"larger arms have more; up to {RAISABLE[name]:g} with `accepted`", RAISABLE[name]
+    if any(name in s for s in SPEEDS.values()):
+        said = "may only be lowered; " + ", ".join(f"{p}: {s[name]:.4g}" for p, s in SPEEDS.items())
     return Key(f"limits.{name}", kind, default, unit, f"The driver's default; it {said}.", low=low, high=high)
 
 
@@ -192,6 +202,14 @@ _UNITS = (
     ("_s", "s"),
 )
 LIMIT_KEYS: tuple[Key, ...] = (
+    Key(
+        "limits.preset",
+        "choice",
+        "reduced",
+        "",
+        "How fast the arm moves freely, lifts and retreats; `fenced` only with `accepted`.",
+        known=tuple(SPEEDS),
+    ),
     *map(_limit, NUMBERS),
     Key("limits.accepted", "name", None, "", "Who accepts that a cap is raised above the driver's, and why."),
 )

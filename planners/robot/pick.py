@@ -11,6 +11,7 @@ from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.tolerances import ROUNDING
 from planners.robot.arm_poses import all_branches, nearest_turn
 from planners.robot.bench import Bench
+from planners.robot.effort import effort, flips
 from planners.robot.grasp_pose import GraspPose, count
 from planners.robot.seat import Seat
 
@@ -57,7 +58,9 @@ def reachable(bench: Bench, name: str, grasps: Sequence[GraspPose]) -> BoolArray
 
 
 def picks(bench: Bench, name: str, seat: Seat, reasons: dict[str, int]) -> Iterator[Pick]:
-    """Yield ways to take a part as `seat` holds it, arm branches near the seat's first; `reasons` counts failures."""
+    """Yield ways to take a part as `seat` holds it, those first that keep the elbow's side and turn least to the seat;
+    `reasons` counts failures.
+    """
     model, scene = bench.cell.model, bench.scene
     motion = bench.waiting(name)
     flange = motion @ seat.flange
@@ -68,7 +71,7 @@ def picks(bench: Bench, name: str, seat: Seat, reasons: dict[str, int]) -> Itera
         count(reasons, "pick: out of the arm's reach")
         return
     near = nearest_turn(model, options[0][there[0]], seat.q_before)
-    for q in near[np.argsort(np.abs(near - seat.q_before).max(axis=1), kind="stable")]:
+    for q in sorted(near, key=lambda q: (flips(q, seat.q_before), effort(bench.cell, q, seat.q_before))):
         scene.place(name, motion)
         scene.assign(grasped=name)
         reason = bench.free(q, opened)

@@ -19,7 +19,7 @@ from mocca_robot.plan.safety import PlanFinding, findings
 from planners.robot.cell import RobotCell
 from planners.robot.scene import CellScene
 from planners.robot.site import Site
-from planners.robot.trajectory import JOINT_JERK_RAD_S3
+from planners.robot.trajectory import jerk_cap
 from planners.robot.tray import Tray
 
 TOUCH_M = 2e-4
@@ -40,7 +40,7 @@ def recheck(plan: Plan, cell: RobotCell, site: Site, tray: Tray, *, step_m: floa
     While a part slides in its own fit is judged exactly, by the sweep along its line, not by the convex pieces of its
     neighbours. `cell`, `site` and `tray` are those that the plan was made for.
     """
-    out = findings(plan)
+    out = findings(plan, cell.model)
     scene = CellScene(cell, site, TOUCH_M)
     for body in site.bodies:
         scene.place(body.name, tray.motions.get(body.name, np.eye(4)))
@@ -90,7 +90,7 @@ def _step(
         held = grip if carried and not fitted else None
         part = corners @ grip[:3, :3].T + grip[:3, 3] if carried else np.zeros((0, 3))
         for name, path in _paths(move, where):
-            yield from _jerk(path, name)
+            yield from _jerk(path, name, jerk_cap(cell.limits))
             for q, w in samples(path, cell, part, step_m):
                 hit = scene.hit(q, opening, held)
                 if hit:
@@ -128,7 +128,7 @@ def _sweep(site: Site, index: int, path: Sequence[Waypoint], where: str) -> Iter
         yield PlanFinding(where, "the way in", f"meets {names}", "free", "Insert inside the cone.")
 
 
-def _jerk(path: Sequence[Waypoint], where: str) -> Iterator[PlanFinding]:
+def _jerk(path: Sequence[Waypoint], where: str, cap: float) -> Iterator[PlanFinding]:
     """Yield where a joint's third difference exceeds what times were made for; the arm stands still at both ends."""
     steps = np.diff([w.t for w in path])
     if len(path) < 4 or (steps <= 0).any():
@@ -139,12 +139,12 @@ def _jerk(path: Sequence[Waypoint], where: str) -> Iterator[PlanFinding]:
     change = np.diff(rates, axis=0) / spans[:, None]  # accelerations at the waypoints
     jerk = np.abs(np.diff(change, axis=0) / steps[:, None])
     w, j = np.unravel_index(int(np.argmax(jerk)), jerk.shape)
-    if jerk[w, j] > JERK_SLACK * JOINT_JERK_RAD_S3:
+    if jerk[w, j] > JERK_SLACK * cap:
         yield PlanFinding(
             f"{where}, waypoint {w}",
             f"jerk of joint {j}",
             f"{jerk[w, j]:.3g} rad/s³",
-            f"{JOINT_JERK_RAD_S3:.3g} rad/s³",
+            f"{cap:.3g} rad/s³",
             "Ramp the acceleration up and down more gently.",
         )
 

@@ -10,6 +10,7 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray
 from planners.robot.arm_poses import all_branches, nearest_turn, trace
 from planners.robot.bench import Bench
+from planners.robot.effort import effort, flips
 from planners.robot.grasp_pose import GraspPose, count
 from planners.robot.grasp_suction import pull
 from planners.robot.tool import SuctionGripper
@@ -43,7 +44,8 @@ def seats(
     reasons: dict[str, int],
     usable: BoolArray | None = None,
 ) -> Iterator[Seat]:
-    """Yield ways to put a part in along `direction` (3,), best grasps first, arm branches near `at` (6,) first.
+    """Yield ways to put a part in along `direction` (3,): those that keep the elbow's side first, of these best grasps
+    first, of these with the least turn from `at` (6,) first.
 
     `usable` (n,) leaves grasps out; `reasons` counts why others fail. Whenever this returns or yields, the part is back
     where it waits.
@@ -53,7 +55,7 @@ def seats(
         return
     flanges = np.array([g.tcp for g in grasps]) @ bench.to_flange
     options, there = all_branches(model, flanges)
-    looked = 0
+    ways: list[tuple[bool, int, float, Array]] = []
     for k, grasp in enumerate(grasps):
         if usable is not None and not usable[k]:
             count(reasons, "pick: out of the arm's reach")
@@ -67,14 +69,12 @@ def seats(
             count(reasons, "seat: out of the arm's reach")
             continue
         near = nearest_turn(model, options[k][there[k]], at)
-        for q in near[np.argsort(np.abs(near - at).max(axis=1), kind="stable")]:
-            looked += 1
-            if looked > LOOKED_AT:
-                return
-            for seat in _seated(bench, name, grasp, flanges[k], q, direction, reasons):
-                bench.scene.place(name, bench.waiting(name))
-                yield seat
+        ways.extend((flips(q, at), k, effort(bench.cell, q, at), q) for q in near)
+    for _, k, _, q in sorted(ways, key=lambda w: w[:3])[:LOOKED_AT]:
+        for seat in _seated(bench, name, grasps[k], flanges[k], q, direction, reasons):
             bench.scene.place(name, bench.waiting(name))
+            yield seat
+        bench.scene.place(name, bench.waiting(name))
 
 
 def _seated(

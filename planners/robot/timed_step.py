@@ -26,6 +26,8 @@ PICK_M = 0.008
 SQUEEZE_M = 0.002
 """Fingers are sent this much closer than the part is wide."""
 FORCE_N = 20.0
+GENTLE_M_S2 = 0.5
+"""Acceleration of guarded moves, whatever the preset: the hand's own inertia must not feel like a contact."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +55,9 @@ def timed_step(
     body = bench.site.bodies[index]
     opened = grasp.width_m + cell.gripper.opening_m
     closed = max(cell.gripper.stroke_m[0], grasp.width_m - SQUEEZE_M)
-    slow, gentle, fast = limits.approach_speed_m_s, limits.transfer_acceleration_m_s2, limits.transfer_speed_m_s
+    slow, fast = limits.approach_speed_m_s, limits.transfer_speed_m_s
+    quick = limits.transfer_acceleration_m_s2
+    gentle = min(GENTLE_M_S2, quick)
     tool = pick.flange[:3, 2]
     reasons: list[str] = []
 
@@ -68,13 +72,13 @@ def timed_step(
     entry = straight(-INSERT_M * direction) @ seat.flange
     approach = moved(above, (pick.above_m - PICK_M) * tool, pick.q_above, slow, gentle)
     taken = approach and moved(near, PICK_M * tool, end(approach), slow, gentle)
-    lift = taken and moved(pick.flange, pick.lift, end(taken), slow, gentle)
-    across = lift and joint_motion(cell, [end(lift), *to_seat[1:]])
+    lift = taken and moved(pick.flange, pick.lift, end(taken), limits.lift_speed_m_s, quick)
+    across = lift and joint_motion(cell, to_seat)
     inward = across and moved(before, (seat.standoff_m - INSERT_M) * direction, end(across), slow, gentle)
     insert = inward and moved(
         entry, INSERT_M * direction, end(inward), limits.insert_speed_m_s, limits.insert_acceleration_m_s2
     )
-    retreat = insert and moved(seat.flange, seat.retreat, end(insert), slow, gentle)
+    retreat = insert and moved(seat.flange, seat.retreat, end(insert), limits.retreat_speed_m_s, quick)
     if not retreat:
         return TimedStep(None, 0.0, reasons[-1])
     cone = max(0.0, insertion.alpha_rad)
@@ -91,7 +95,7 @@ def timed_step(
         ),
         Move(kind=MoveKind.APPROACH, path=approach, speed_m_s=slow, force_limit_n=force, gripper_m=opened),
         Move(kind=MoveKind.PICK, path=taken, speed_m_s=slow, force_limit_n=force, gripper_m=closed),
-        Move(kind=MoveKind.LIFT, path=lift, speed_m_s=slow, force_limit_n=force, gripper_m=closed),
+        Move(kind=MoveKind.LIFT, path=lift, speed_m_s=limits.lift_speed_m_s, force_limit_n=force, gripper_m=closed),
         Move(kind=MoveKind.TRANSIT, path=across, speed_m_s=fast, force_limit_n=force, gripper_m=closed),
         Move(kind=MoveKind.APPROACH, path=inward, speed_m_s=slow, force_limit_n=force, gripper_m=closed),
         Move(
@@ -103,7 +107,13 @@ def timed_step(
             alternatives=alternatives,
         ),
         Move(kind=MoveKind.RELEASE, path=(rest,), speed_m_s=slow, force_limit_n=force, gripper_m=opened),
-        Move(kind=MoveKind.RETREAT, path=retreat, speed_m_s=slow, force_limit_n=force, gripper_m=opened),
+        Move(
+            kind=MoveKind.RETREAT,
+            path=retreat,
+            speed_m_s=limits.retreat_speed_m_s,
+            force_limit_n=force,
+            gripper_m=opened,
+        ),
     )
     motion = bench.waiting(body.name)
     held = Grasp(

@@ -8,7 +8,7 @@ the search instead, and the same seed gives the same way.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,11 @@ MARGINS_RAD = (1.3, 3.0)
 CHECKS = 4000
 """Collision checks after which each search gives up."""
 
+ARCS_RAD = (0.8, 0.5, 0.3, 0.2, 0.1, 0.05)
+"""How far before a corner its curve may begin, widest first."""
+KNOT_RAD = 0.05
+"""Distance of the places that a smooth way is drawn through."""
+
 Free = Callable[[Array], bool]
 
 
@@ -37,6 +42,12 @@ def edge_free(a: Array, b: Array, free: Free) -> bool:
     # Bit-reversed order finds a collision sooner than going along.
     order = sorted(range(1, count + 1), key=lambda k: int(f"{k:016b}"[::-1], 2))
     return all(free(a + (k / count) * (b - a)) for k in order)
+
+
+def way(start: Array, goal: Array, free: Free, limit: Array, seed: int) -> list[Array] | None:
+    """Return a free way as smooth legs (n, 6), see `rounded`; None when none was found. Arguments as of `connect`."""
+    corners = connect(start, goal, free, limit, seed)
+    return None if corners is None else rounded(corners, free)
 
 
 def connect(start: Array, goal: Array, free: Free, limit: Array, seed: int, checks: int = CHECKS) -> list[Array] | None:
@@ -107,6 +118,51 @@ def shortened(path: list[Array], free: Free) -> list[Array]:
         out.append(path[ahead])
         at = ahead
     return out
+
+
+def rounded(corners: Sequence[Array], free: Free) -> list[Array]:
+    """Return the way through `corners` as smooth legs of joint angles (n, 6), at most `KNOT_RAD` apart; the arm stops
+    between them.
+
+    A corner is cut by a curve inside the triangle of its two sides, without a jump in curvature, as wide as is free;
+    where not even the narrowest is, the arm stops there.
+    """
+    legs: list[list[Array]] = [[corners[0]]]
+    for before, corner, after in zip(corners, corners[1:], corners[2:]):
+        arc = _arc(before, corner, after, free)
+        if arc is None:
+            legs[-1].extend(_straight(legs[-1][-1], corner))
+            legs.append([corner])
+        else:
+            legs[-1].extend([*_straight(legs[-1][-1], arc[0]), *arc[1:]])
+    legs[-1].extend(_straight(legs[-1][-1], corners[-1]))
+    return [np.array(leg) for leg in legs]
+
+
+def _arc(before: Array, corner: Array, after: Array, free: Free) -> list[Array] | None:
+    sides = corner - before, after - corner
+    longest = 0.5 * min(float(np.linalg.norm(s)) for s in sides)
+    into, out = (s / max(float(np.linalg.norm(s)), 1e-12) for s in sides)
+    for reach in dict.fromkeys(min(r, longest) for r in ARCS_RAD):
+        ends = [corner - reach * into, corner - 0.5 * reach * into, corner, corner + 0.5 * reach * out]
+        bend = bezier(np.array([*ends, corner + reach * out]), max(8, int(np.ceil(2.0 * reach / KNOT_RAD))))
+        if all(edge_free(a, b, free) for a, b in itertools.pairwise(bend)):
+            return bend
+    return None
+
+
+def bezier(control: Array, count: int) -> list[Array]:
+    """Return `count` + 1 points of the Bézier curve with five control points (5, k)."""
+    u = np.linspace(0.0, 1.0, count + 1)[:, None]
+    weights = (1, 4, 6, 4, 1)
+    return list(sum(w * (1 - u) ** (4 - k) * u**k * p for k, (w, p) in enumerate(zip(weights, control, strict=True))))
+
+
+def _straight(start: Array, goal: Array) -> list[Array]:
+    """Return points after `start` up to `goal`, evenly spaced; none when it is there already."""
+    far = float(np.linalg.norm(goal - start))
+    count = int(np.ceil(far / KNOT_RAD))
+    return [start + k / count * (goal - start) for k in range(1, count + 1)] if far > 1e-9 else []
 
 
 def _ompl() -> tuple[Any, Any, Any]:

@@ -117,7 +117,7 @@ def test_unsafe_plan_gives_a_dry_run_with_reasons_and_is_never_sent(tmp_path: Pa
     assert dry.returncode == 1
     assert json.loads(dry.stdout)["findings"][0]["where"] == "step 1 (p02), move 3 (lift)"
     sent = run("execute", tmp_path / "fast.json", "--robot", "127.0.0.1", "--confirm", SERIAL)
-    assert sent.returncode == 2 and "speed_m_s is 0.5, limit 0 to 0.02" in sent.stderr
+    assert sent.returncode == 2 and "speed_m_s is 0.5, limit 0 to 0.05" in sent.stderr
     with pytest.raises(InputError, match=r"speed_m_s is 0\.5"), UrArm("127.0.0.1", plan_of(raw), SERIAL):
         pass
 
