@@ -15,6 +15,8 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.runtime.compiled import compiled
 
+UNMOVED = 1e-9
+"""Per unit of path: what moves less is at rest, and its acceleration has no cap to meet."""
 HALVINGS = 48
 """Of the interval in which the largest speed lies."""
 
@@ -58,7 +60,7 @@ def _accelerations(
     least, most = -1e30, 1e30
     for j in range(len(dq)):
         turn = ddq[j] * b
-        if abs(dq[j]) > 1e-12:
+        if abs(dq[j]) > UNMOVED:
             one, other = (-joint_cap - turn) / dq[j], (joint_cap - turn) / dq[j]
             least, most = max(least, min(one, other)), min(most, max(one, other))
         elif abs(turn) > joint_cap:
@@ -66,7 +68,7 @@ def _accelerations(
     pp = dp[0] * dp[0] + dp[1] * dp[1] + dp[2] * dp[2]
     pc = (dp[0] * ddp[0] + dp[1] * ddp[1] + dp[2] * ddp[2]) * b
     cc = (ddp[0] * ddp[0] + ddp[1] * ddp[1] + ddp[2] * ddp[2]) * b * b
-    if pp > 1e-18:
+    if pp > UNMOVED * UNMOVED:
         under = pc * pc - pp * (cc - tool_cap * tool_cap)
         if under < 0.0:
             return 1.0, -1.0

@@ -19,6 +19,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Waypoint
 from mocca_robot.plan.pose import six
+from mocca_robot.tolerances import ROUNDING
 from planners.robot.arm_poses import trace
 from planners.robot.cell import RobotCell
 from planners.robot.time_optimal import passing_times, reachable_speeds
@@ -117,8 +118,8 @@ def timed(cell: RobotCell, knots: Array, speed_m_s: float, acceleration_m_s2: fl
     """Return waypoints of the smooth path through joint angles `knots` (n, 6), driven as fast as the caps allow."""
     knots = np.asarray(knots, dtype=np.float64)
     lengths = np.linalg.norm(np.diff(knots, axis=0), axis=1)
-    keep = np.concatenate([[True], lengths > 1e-9])
-    knots, at = knots[keep], np.concatenate([[0.0], np.cumsum(lengths[lengths > 1e-9])])
+    keep = np.concatenate([[True], lengths > ROUNDING])
+    knots, at = knots[keep], np.concatenate([[0.0], np.cumsum(lengths[lengths > ROUNDING])])
     if len(knots) < 2:
         return [_waypoint(cell, 0.0, knots[0])]
     caps = caps_of(cell, speed_m_s, acceleration_m_s2)
@@ -190,7 +191,7 @@ def _speeds(joints: CubicSpline, tool: CubicSpline, s: Array, caps: Caps, slowed
     dq, ddq = joints(s, 1) * one, joints(s, 2) * two
     dp, ddp = tool(s, 1) * one, tool(s, 2) * two
     rate = np.maximum((np.abs(dq) / caps.joint_speed).max(axis=1), np.linalg.norm(dp, axis=1) / caps.tool_speed)
-    cap = 1.0 / np.maximum(rate, 1e-9) ** 2
+    cap = 1.0 / np.maximum(rate, ROUNDING) ** 2
     dq, dp = dq * one, dp * one
     dq, ddq, dp, ddp = (np.ascontiguousarray(a) for a in (dq, ddq, dp, ddp))
     step = float(s[1] - s[0])

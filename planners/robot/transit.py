@@ -142,7 +142,7 @@ def rounded(corners: Sequence[Array], free: Free) -> list[Array]:
 def _arc(before: Array, corner: Array, after: Array, free: Free) -> list[Array] | None:
     sides = corner - before, after - corner
     longest = 0.5 * min(float(np.linalg.norm(s)) for s in sides)
-    into, out = (s / max(float(np.linalg.norm(s)), 1e-12) for s in sides)
+    into, out = (s / max(float(np.linalg.norm(s)), EXACT) for s in sides)
     for reach in dict.fromkeys(min(r, longest) for r in ARCS_RAD):
         ends = [corner - reach * into, corner - 0.5 * reach * into, corner, corner + 0.5 * reach * out]
         bend = bezier(np.array([*ends, corner + reach * out]), max(8, int(np.ceil(2.0 * reach / KNOT_RAD))))
@@ -162,7 +162,7 @@ def _straight(start: Array, goal: Array) -> list[Array]:
     """Return points after `start` up to `goal`, evenly spaced; none when it is there already."""
     far = float(np.linalg.norm(goal - start))
     count = int(np.ceil(far / KNOT_RAD))
-    return [start + k / count * (goal - start) for k in range(1, count + 1)] if far > 1e-9 else []
+    return [start + k / count * (goal - start) for k in range(1, count + 1)] if far > ROUNDING else []
 
 
 def _ompl() -> tuple[Any, Any, Any]:
