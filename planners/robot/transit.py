@@ -15,7 +15,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
-from mocca_robot.tolerances import ROUNDING
+from mocca_robot.tolerances import EXACT, ROUNDING
 
 EDGE_STEP_RAD = 0.007
 """Largest turn of a joint between two checks of an edge: 7 mm for a part one metre from the axis."""
