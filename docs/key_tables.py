@@ -16,6 +16,7 @@ _KINDS: dict[str, dict[str, Any]] = {
     "integer": {"type": "integer"},
     "degrees": {"type": ["number", "null"]},
     "length": {"type": ["number", "string"]},
+    "length_or_share": {"type": ["number", "string"]},
     "boolean": {"type": "boolean"},
     "name": {"type": ["string", "integer"], "maxLength": 100},
     "text": {"type": "string"},

@@ -209,6 +209,8 @@ class Assembly:
         gravity: acceleration vector, (2,) or (3,), m/s².
         actions: loads besides self-weight.
         combinations: which of them act together; every one is a load case of the design.
+        tolerance_m: faces this far apart, or this deep inside each other, are taken as touching; 0: only as far as
+            rounding goes (`mocca_robot.tolerances`).
     """
 
     name: str
@@ -218,6 +220,7 @@ class Assembly:
     gravity: Array = field(default_factory=lambda: np.zeros(0))
     actions: tuple[Action, ...] = ()
     combinations: tuple[Combination, ...] = ()
+    tolerance_m: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.parts:

@@ -18,6 +18,17 @@ class InputError(MoccaError):
     """The input cannot be used as it is: an unreadable file, an unknown name, an impossible geometry."""
 
 
+class NearlyTouching(InputError):
+    """Parts overlap, or miss each other, by so little that they were probably meant to touch.
+
+    `tolerance_m` is within which they do, rounded up to two digits; commands say how to go on with it.
+    """
+
+    def __init__(self, message: str, tolerance_m: float) -> None:
+        super().__init__(message)
+        self.tolerance_m = tolerance_m
+
+
 class EnvironmentNeeded(MoccaError):
     """Something outside the input is missing: an optional package, OpenGL, a writable folder."""
 

@@ -15,7 +15,7 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import ContactReport
-from mocca_robot.contacts.find import find_contacts, require_sound
+from mocca_robot.contacts.find import find_contacts, require_exact, require_sound
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.content_hash import assembly_hash
 from mocca_robot.statics.cases import solve_case
@@ -83,6 +83,7 @@ def simulate(
     store = TrialStore() if store is None else store
     report = find_contacts(assembly)
     require_sound(assembly, report)
+    require_exact(assembly, report)
     work = _Work(
         PartsGraph.of(assembly, report.contacts, insertion),
         questions=questions,

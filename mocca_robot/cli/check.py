@@ -29,15 +29,22 @@ def add(commands: Any) -> None:
     parser.add_argument("--key", metavar="PART", help="ask whether everything interlocks while this part is held")
     parser.add_argument("--azimuths", type=int, metavar="N", help="directions of tilt of solids (default 8)")
     parser.add_argument("--picture", metavar="FILE", help="draw the parts: an .svg, or a .png (needs typst)")
+    parser.add_argument(
+        "--heal",
+        nargs="?",
+        const="",
+        metavar="DIR",
+        help="write a copy in which parts that nearly touch share their faces exactly (default: out/NAME_healed)",
+    )
     arguments.add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 when every verdict is positive, 1 otherwise."""
-    from mocca_robot.cli import input_findings, understood
+    from mocca_robot.cli import input_findings, mended_copy, understood
     from mocca_robot.contacts.find import find_contacts, require_sound
-    from mocca_robot.files.output import writable_folder
+    from mocca_robot.files.output import safe_file_names, writable_folder
     from mocca_robot.motion.parts_graph import PartsGraph
 
     further: dict[str, Any] = {}
@@ -59,6 +66,11 @@ def run(args: argparse.Namespace) -> int:
     with console.stage("contacts"):
         report = find_contacts(config.assembly)
         graph = PartsGraph.of(config.assembly, report.contacts, config.insertion)
+    if args.heal is not None:
+        folder = Path(
+            args.heal or Path("out") / f"{safe_file_names([config.assembly.name])[config.assembly.name]}_healed"
+        )
+        return mended_copy.write_healed(config, report, folder, console)
     for line in understood.lines(config, graph):
         console.say(line)
     if args.picture is not None:
@@ -66,6 +78,8 @@ def run(args: argparse.Namespace) -> int:
             picture = understood.write_picture(Path(args.picture), graph)
         console.say(f"picture: {picture}")
     require_sound(config.assembly, report)
+    for line in mended_copy.accepted_lines(report.accepted):
+        console.say(line)
     suspicions = understood.suspicions(graph)
     for line in suspicions:
         console.warn(f"suspicious: {line}")
@@ -76,6 +90,10 @@ def run(args: argparse.Namespace) -> int:
     for line in input_findings.lines(found, built=stored_design(Path(args.input)) is not None):
         console.say(line)
     console.say(console.times())
-    further = {"suspicious": suspicions, "picture": None if picture is None else str(picture)}
+    further = {
+        "taken_as_touching": mended_copy.accepted_data(report.accepted),
+        "suspicious": suspicions,
+        "picture": None if picture is None else str(picture),
+    }
     data = {**input_findings.document(found), **understood.document(config), **further}
     return console.finish(positive_if(not found.findings), data)

@@ -32,7 +32,7 @@ from mocca_robot.cli import (
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.cli.spelling import Parser
-from mocca_robot.errors import MoccaError
+from mocca_robot.errors import MoccaError, NearlyTouching
 
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Commands share their work out themselves; threads inside its small matrices would only wait for each other."""
@@ -58,6 +58,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     as_json = bool(getattr(args, "json", False))
     try:
         return int(args.run(args))
+    except NearlyTouching as error:
+        from mocca_robot.cli.mended_copy import advice
+
+        return _failed(
+            as_json, ExitCode.UNUSABLE, f"{error} {advice(error, args)}" if hasattr(args, "input") else str(error)
+        )
     except MoccaError as error:
         return _failed(as_json, ExitCode.UNUSABLE, str(error))
     except KeyboardInterrupt:

@@ -15,6 +15,7 @@ from mocca_robot.config import schema
 from mocca_robot.config.keys import options, read_section, section
 from mocca_robot.config.model import Model, generated, read_model, turned_upright
 from mocca_robot.config.schema import SimulationOptions
+from mocca_robot.contacts.find import largest_tolerance
 from mocca_robot.errors import InputError
 from mocca_robot.fabrication.options import CutOptions
 from mocca_robot.files import fields
@@ -223,10 +224,24 @@ def _assembly(model: Model, given: Mapping[str, Any], where: str, unit_m: float)
             actions = actions_from_data(given["loads"], parts, unit_m, f"{where}: loads")
         changes["actions"] = actions
         changes["combinations"] = combinations_from_data(given.get("combinations"), actions, f"{where}: combinations")
+    if "tolerance" in given:
+        changes["tolerance_m"] = _tolerance(given["tolerance"], replace(assembly, parts=parts), f"{where}: tolerance")
     for goal in changes.get("goals", assembly.goals):
         if isinstance(goal, Interlocking):
             fields.known_name(goal.key, [p.name for p in parts], f"{where}: goal: key")
     return replace(assembly, **changes)
+
+
+def _tolerance(value: float, assembly: Assembly, where: str) -> float:
+    """Return the tolerance in metres; one that cannot tell the faces of a thin part apart is an InputError."""
+    metres = value * assembly.size if isinstance(value, fields.Share) else value
+    largest, thinnest = largest_tolerance(assembly)
+    if metres > largest:
+        raise InputError(
+            f"{where} is {metres * 1e3:.3g} mm, but '{thinnest}' is {largest * 1e4:.3g} mm thin; give at most a "
+            f"tenth of that, {largest * 1e3:.3g} mm."
+        )
+    return metres
 
 
 def _bodies_of(model: Model, names: Sequence[str]) -> tuple[str, ...]:

@@ -20,8 +20,8 @@ class Key:
 
     Attributes:
         name: with its section: 'alpha_deg', 'joints.margin'; 'parts.NAME.density' stands for every part.
-        kind: what a value looks like: number, integer, degrees, length, boolean, name, names, text, choice,
-            choices, vector, box, friction, entries, goals, mapping, loads,
+        kind: what a value looks like: number, integer, degrees, length, length_or_share, boolean, name, names, text,
+            choice, choices, vector, box, friction, entries, goals, mapping, loads,
             values (of a study), places, turns (of a cell).
         default: as one would write it; None = not set.
         unit: of the written value; 'units' = the configuration's own.
@@ -70,6 +70,8 @@ class Key:
         if self.kind == "length":
             metres = {"mm": MM}.get(self.unit, unit_m)
             return checks.length(data, metres, where, self.low, above=self.above)
+        if self.kind == "length_or_share":
+            return checks.length_or_share(data, unit_m, where)
         if self.kind == "boolean":
             return checks.boolean(data, where)
         if self.kind == "name":

@@ -90,6 +90,14 @@ KEYS: tuple[Key, ...] = (
         "",
         "Objects of a mesh file that are one part each, however many separate bodies they hold.",
     ),
+    Key(
+        "tolerance",
+        "length_or_share",
+        None,
+        "units",
+        "Faces this far apart, or this deep inside each other, are taken as touching: a length, or a share of the "
+        "assembly's diagonal such as `0.02 %`; default: rounding only. `check --heal` mends what it accepts.",
+    ),
     Key("fixed", "names", None, "", "Parts that stand on the ground; replaces what the model says."),
     Key("sequence", "names", None, "", "Every free part in the order of assembly; default: the order of the model."),
     Key(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -63,9 +64,46 @@ class Overlap:
 
 
 @dataclass(frozen=True)
+class Accepted:
+    """Two parts that were taken as touching within the assembly's tolerance, though rounding does not explain it.
+
+    They lie `overlap_m` inside each other at the deepest, and `gap_m` apart at the widest; one of them may be zero.
+    """
+
+    parts: tuple[str, str]
+    overlap_m: float
+    gap_m: float
+
+
+@dataclass(frozen=True)
 class ContactReport:
-    """What `find_contacts` saw: contacts, near misses and overlaps (the latter two by part name)."""
+    """What `find_contacts` saw: contacts, and by part name near misses, overlaps and what its tolerance accepted."""
 
     contacts: tuple[Contact, ...]
     near_misses: tuple[NearMiss, ...] = ()
     overlaps: tuple[Overlap, ...] = ()
+    accepted: tuple[Accepted, ...] = ()
+
+
+def accepted_pairs(
+    names: Sequence[str],
+    rises: Mapping[tuple[int, int], tuple[float, float]],
+    rounding: float,
+    overlaps: Sequence[Overlap],
+    tolerance: float,
+) -> tuple[tuple[Overlap, ...], tuple[Accepted, ...]]:
+    """Return the overlaps deeper than `tolerance`, and what it accepts beyond `rounding` (metres).
+
+    `rises` are the least and the largest distance of the faces of each pair that touches, negative where they overlap.
+    """
+    deep = {o.parts: o.depth_m for o in overlaps}
+    found: dict[tuple[str, str], tuple[float, float]] = {}
+    for (i, j), (low, high) in rises.items():
+        if max(-low, high) > rounding:
+            found[names[i], names[j]] = max(-low, 0.0), max(high, 0.0)
+    for pair, depth in deep.items():
+        found[pair] = max(depth, found.get(pair, (0.0, 0.0))[0]), found.get(pair, (0.0, 0.0))[1]
+    beyond = tuple(o for o in overlaps if o.depth_m > tolerance)
+    order = {name: k for k, name in enumerate(names)}
+    inside = sorted(set(found) - {o.parts for o in beyond}, key=lambda pair: (order[pair[0]], order[pair[1]]))
+    return beyond, tuple(Accepted(pair, *found[pair]) for pair in inside)

@@ -14,7 +14,7 @@ import shapely
 
 from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.assembly import Assembly, Mesh
-from mocca_robot.contacts.contact import Contact, ContactReport, NearMiss
+from mocca_robot.contacts.contact import Contact, ContactReport, NearMiss, accepted_pairs
 from mocca_robot.contacts.penetration import penetrations
 from mocca_robot.geometry.facets import FacetSet, facets
 from mocca_robot.geometry.frames import tangents
@@ -25,33 +25,65 @@ Found = tuple[int, int, int, int, Array, tuple[Array, ...], Array]
 
 
 def find_contacts_3d(assembly: Assembly, tolerances: Tolerances = TOLERANCES) -> ContactReport:
-    """Return all contacts between the polyhedra of `assembly`, exact up to `tolerances.contact_gap` × size.
+    """Return all contacts between the polyhedra of `assembly`, exact up to `tolerances.contact_gap` × size or its own
+    `tolerance_m`.
 
     A contact polygon may be non-convex and have holes; its corners are corners of either mesh, bit for bit,
     wherever they are not crossings of two edges. Contacts come sorted by pair, then by the earlier part's facet and the
     later part's: the numbering of a pair depends on these two parts alone.
     """
-    meshes = [p.shape for p in assembly.parts if isinstance(p.shape, Mesh)]
     size = assembly.size
-    faces = facets(meshes, tolerances.contact_gap * size)
-    found, spent, partner = _shared_facets(faces, tolerances.contact_gap * size)
-    flat, misses = _facet_overlaps(faces, spent, tolerances, size)
-    found += flat
-    found.sort(key=lambda f: f[:4])
+    touching = touching_facets(assembly, tolerances)
+    faces, misses = touching.faces, touching.misses
     contacts: list[Contact] = []
-    for i, j, _, _, outer, holes, normal in found:
+    for i, j, _, _, outer, holes, normal in touching.found:
         again = bool(contacts) and contacts[-1].parts == (i, j)
         k = contacts[-1].k + 1 if again else 0
         contacts.append(Contact((i, j), read_only(outer), read_only(normal), k, tuple(read_only(h) for h in holes)))
-    touching = {c.parts for c in contacts}
-    overlaps = penetrations(assembly, faces, partner, contacts, tolerances.overlap_depth * size)
+    pairs = {c.parts for c in contacts}
+    rounding = tolerances.overlap_depth * size
+    overlaps = penetrations(assembly, faces, touching.partner, contacts, rounding)
+    deeper, accepted = accepted_pairs(
+        assembly.sequence, touching.rises, tolerances.contact_gap * size, overlaps, max(rounding, assembly.tolerance_m)
+    )
     named = {o.parts for o in overlaps}
     near = []
     for (i, j), (gap, area) in sorted(misses.items()):
         names = (assembly.parts[i].name, assembly.parts[j].name)
-        if (i, j) not in touching and names not in named:
+        if (i, j) not in pairs and names not in named:
             near.append(NearMiss(names, gap, area))
-    return ContactReport(tuple(contacts), tuple(near), overlaps)
+    return ContactReport(tuple(contacts), tuple(near), deeper, accepted)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TouchingFacets:
+    """Which facets of an assembly of solids touch which.
+
+    Attributes:
+        faces: all of them.
+        found: pairs that touch, with the contact between them.
+        partner: (T,) the part that each triangle is shared with, or −1.
+        rises: per pair of parts the least and largest distance of faces that touch (m; negative: they overlap).
+        misses: per pair of parts whose faces nearly touch the gap (m) and area (m²).
+    """
+
+    faces: FacetSet
+    found: list[Found]
+    partner: IntArray
+    rises: dict[tuple[int, int], tuple[float, float]]
+    misses: dict[tuple[int, int], tuple[float, float]]
+
+
+def touching_facets(assembly: Assembly, tolerances: Tolerances = TOLERANCES) -> TouchingFacets:
+    """Return the facets that touch, sorted by the parts, then by the facets."""
+    meshes = [p.shape for p in assembly.parts if isinstance(p.shape, Mesh)]
+    rounding = tolerances.contact_gap * assembly.size
+    faces = facets(meshes, max(rounding, assembly.tolerance_m), assembly.tolerance_m)
+    found, spent, partner = _shared_facets(faces, rounding)
+    flat, rises, misses = _facet_overlaps(faces, spent, tolerances, assembly.size, assembly.tolerance_m)
+    found += flat
+    found.sort(key=lambda f: f[:4])
+    return TouchingFacets(faces=faces, found=found, partner=partner, rises=rises, misses=misses)
 
 
 def _shared_facets(faces: FacetSet, gap: float) -> tuple[list[Found], BoolArray, IntArray]:
@@ -140,15 +172,22 @@ def _polygon(loops: list[Array]) -> shapely.Geometry:
 
 
 def _facet_overlaps(
-    faces: FacetSet, spent: BoolArray, tolerances: Tolerances, size: float
-) -> tuple[list[Found], dict[tuple[int, int], tuple[float, float]]]:
-    """Return contacts from overlapping facets, and the near misses by pair: gap (m) and area (m²)."""
-    gap, near = tolerances.contact_gap * size, tolerances.near_miss * size
+    faces: FacetSet, spent: BoolArray, tolerances: Tolerances, size: float, allowed: float
+) -> tuple[list[Found], dict[tuple[int, int], tuple[float, float]], dict[tuple[int, int], tuple[float, float]]]:
+    """Return contacts from overlapping facets that are at most `allowed` apart (m), and by pair the least and largest
+    rise of the one above the other, and the near misses: gap (m) and area (m²).
+    """
+    gap, near = max(tolerances.contact_gap * size, allowed), max(tolerances.near_miss * size, allowed)
+    # Along the rim of a face that overlaps, its neighbours' faces share strips as wide as the overlap is deep.
+    narrowest = max(tolerances.min_contact * size, 2.0 * allowed)
     a, b = _candidates(faces, spent, near)
     planes: dict[int, _Plane] = {}
     found: list[Found] = []
+    rises: dict[tuple[int, int], tuple[float, float]] = {}
     misses: dict[tuple[int, int], tuple[float, float]] = {}
     parallel = np.linalg.norm(np.cross(faces.normals[a], faces.normals[b]), axis=1) <= tolerances.contact_angle_rad
+    if allowed > 0.0:
+        parallel[:] = True  # how far apart they are at the most is asked below
     for fa, fb, may_touch in zip(a.tolist(), b.tolist(), parallel.tolist()):
         for f in (fa, fb):
             if f not in planes:
@@ -158,7 +197,7 @@ def _facet_overlaps(
         common = shapely.intersection(mine.polygon, theirs)
         pair = (int(faces.facet_part[fa]), int(faces.facet_part[fb]))
         for piece in shapely.get_parts(common):
-            if piece.geom_type != "Polygon" or 2 * piece.area <= tolerances.min_contact * size * piece.length:
+            if piece.geom_type != "Polygon" or 2 * piece.area <= narrowest * piece.length:
                 continue
             rise = _rise(mine, other, shapely.get_coordinates(piece))
             widest = float(np.abs(rise).max())
@@ -171,11 +210,13 @@ def _facet_overlaps(
                 if len(outer) >= 3:
                     kept = tuple(h for h in holes if len(h) >= 3)
                     found.append((*pair, fa, fb, outer, kept, mine.normal))
+                    low, high = rises.get(pair, (0.0, 0.0))
+                    rises[pair] = min(low, float(rise.min())), max(high, float(rise.max()))
                 continue
             parallel_enough = np.ptp(rise) <= NEARLY_PARALLEL_RAD * np.sqrt(piece.area)
             if widest <= near and parallel_enough and widest < misses.get(pair, (np.inf, 0.0))[0]:
                 misses[pair] = (widest, float(piece.area))
-    return found, misses
+    return found, rises, misses
 
 
 def _candidates(faces: FacetSet, spent: BoolArray, near: float) -> tuple[IntArray, IntArray]:

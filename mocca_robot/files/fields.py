@@ -170,6 +170,23 @@ def length(value: object, unit_m: float, where: str, low: float | None = 0.0, *,
     return metres
 
 
+class Share(float):
+    """A share of something's size, where a length may stand as well."""
+
+
+def length_or_share(value: object, unit_m: float, where: str) -> float:
+    """Return a length in metres as `length` does, or a Share from a text such as '0.02 %'."""
+    if isinstance(value, str) and value.strip().endswith("%"):
+        try:
+            share = float(value.strip()[:-1]) / 100.0
+        except ValueError:
+            raise InputError(
+                f"{where} is {shown(value)}; write a length as '0.2 mm', or a share as '0.02 %'."
+            ) from None
+        return Share(number(share, where, 0.0, 0.05))
+    return length(value, unit_m, where)
+
+
 def vector(value: object, where: str, sizes: Sequence[int] = (2, 3)) -> Array:
     """Return a list of finite numbers as an array (n,), n among `sizes`."""
     if not isinstance(value, list) or len(value) not in sizes:

@@ -91,9 +91,11 @@ class FacetSet:
         return [loop for loop in loops if len(loop) >= 3]
 
 
-def facets(meshes: Sequence[Mesh], flatness: float) -> FacetSet:
+def facets(meshes: Sequence[Mesh], flatness: float, bend: float = 0.0) -> FacetSet:
     """Return the facets of `meshes`; a merged region that deviates from its plane by more than `flatness`
     (metres) is left as single triangles. Triangles without area are dropped.
+
+    Neighbours are one face, too, where neither has a corner further than `bend` (metres) off the other's plane.
     """
     part = np.concatenate([np.full(len(m.faces), i) for i, m in enumerate(meshes)])
     offset = np.cumsum([0] + [len(m.vertices) for m in meshes])
@@ -109,7 +111,7 @@ def facets(meshes: Sequence[Mesh], flatness: float) -> FacetSet:
     area_vectors, twice_area = area_vectors[keep], twice_area[keep]
     normals = area_vectors / twice_area[:, None]
 
-    facet = _merge(triangles, part, normals, len(vertices))
+    facet = _merge(triangles, part, normals, vertices, bend)
     planes = _mean_normals(facet, area_vectors)
     anchor = np.zeros((len(planes), 3))
     anchor[facet] = corners[:, 0]
@@ -156,9 +158,9 @@ def _mean_normals(facet: IntArray, area_vectors: Array) -> Array:
     return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1), TINY)[:, None])
 
 
-def _merge(triangles: IntArray, part: IntArray, normals: Array, vertex_count: int) -> IntArray:
+def _merge(triangles: IntArray, part: IntArray, normals: Array, vertices: Array, allowed: float) -> IntArray:
     """Return (T,) component numbers: triangles of one part connected across edges without a bend."""
-    t = len(triangles)
+    t, vertex_count = len(triangles), len(vertices)
     start = triangles.reshape(-1)
     end = np.roll(triangles, -1, axis=1).reshape(-1)
     key = (np.repeat(part, 3) * vertex_count + np.minimum(start, end)) * vertex_count + np.maximum(start, end)
@@ -167,6 +169,17 @@ def _merge(triangles: IntArray, part: IntArray, normals: Array, vertex_count: in
     same = key[order][1:] == key[order][:-1]
     a, b = owner[order][:-1][same], owner[order][1:][same]
     bend = np.linalg.norm(np.cross(normals[a], normals[b]), axis=1)
-    flat = (bend <= MERGE_ANGLE_RAD) & (np.einsum("ij,ij->i", normals[a], normals[b]) > 0)
+    flat = bend <= MERGE_ANGLE_RAD
+    if allowed > 0.0:
+        flat |= (
+            np.maximum(_off(vertices, triangles, normals, a, b), _off(vertices, triangles, normals, b, a)) <= allowed
+        )
+    flat &= np.einsum("ij,ij->i", normals[a], normals[b]) > 0
     graph = sp.coo_array((np.ones(int(flat.sum())), (a[flat], b[flat])), shape=(t, t))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _off(vertices: Array, triangles: IntArray, normals: Array, a: IntArray, b: IntArray) -> Array:
+    """Return (n,) how far the corners of triangles b lie off the planes of triangles a, metres."""
+    corners = vertices[triangles[b]] - vertices[triangles[a][:, :1]]
+    return np.asarray(np.abs(np.einsum("nkd,nd->nk", corners, normals[a])).max(axis=1))

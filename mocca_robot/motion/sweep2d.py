@@ -70,7 +70,7 @@ def free_half_angle_2d(assembly: Assembly, part: int, way_out: Array) -> float:
 
 def depth(assembly: Assembly) -> float:
     """Return how deep, m, flat parts at rest may overlap: what lies deeper counts as solid."""
-    return TOLERANCES.overlap_depth * assembly.size
+    return max(TOLERANCES.overlap_depth * assembly.size, assembly.tolerance_m)
 
 
 def _polygon(assembly: Assembly, part: int) -> Polygon:

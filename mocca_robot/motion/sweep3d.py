@@ -30,12 +30,14 @@ def sweep_blockers_3d(assembly: Assembly, part: int, ways_out: Array) -> tuple[i
     """Return the earlier parts that `part` hits on its way out along any of `ways_out` (m, 3).
 
     The way is endless: everything ahead counts. Touching and sliding along a face are no hits: the common
-    outline of the faces that meet, seen along the way, is wider than 1e-6 of the assembly's size.
+    outline of the faces that meet, seen along the way, is wider than 1e-6 of the assembly's size, or than parts at rest
+    may lie inside each other.
     """
     if part == 0:
         return ()
     moving = _mesh(assembly, part)
-    tolerance = SWEEP_TOLERANCE * assembly.size
+    # Seen at a slant, what overlaps by the tolerance is a little wider.
+    tolerance = max(SWEEP_TOLERANCE * assembly.size, 1.5 * assembly.tolerance_m)
     corners = _box_corners(assembly)[:part]
     hit: set[int] = set()
     for way in ways_out:

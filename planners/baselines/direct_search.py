@@ -15,7 +15,7 @@ import numpy as np
 from mocca_robot.arrays import Array, IntArray
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import ContactReport
-from mocca_robot.contacts.find import find_contacts, require_sound
+from mocca_robot.contacts.find import find_contacts, require_exact, require_sound
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
@@ -123,6 +123,7 @@ def planar_problem(
     """Return the design problem of the required load cases, without margins, and its planar start."""
     report = contacts or find_contacts(assembly)
     require_sound(assembly, report)
+    require_exact(assembly, report)
     found = report.contacts
     graph = PartsGraph.of(assembly, found)
     required = load_cases(graph)

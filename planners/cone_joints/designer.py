@@ -10,7 +10,7 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.assembly import Assembly, Lateral
 from mocca_robot.contacts.contact import Contact, ContactReport
-from mocca_robot.contacts.find import find_contacts, require_sound
+from mocca_robot.contacts.find import find_contacts, require_exact, require_sound
 from mocca_robot.design import CaseResult, Design
 from mocca_robot.errors import InputError
 from mocca_robot.joints.options import JointOptions
@@ -106,6 +106,7 @@ def _designed(
     started = time.perf_counter()
     report = contacts or find_contacts(assembly)
     require_sound(assembly, report)
+    require_exact(assembly, report)
     found = joint_contacts(assembly, report)
     if not found:
         raise InputError(f"'{assembly.name}' has no part that moves and touches another; there is nothing to design.")
