@@ -15,7 +15,7 @@ from mocca_robot.tolerances import NEARLY_PARALLEL_RAD, TINY, TOLERANCES, Tolera
 
 
 @dataclass(frozen=True, eq=False)
-class Edges:
+class OutlineEdges:
     """All boundary edges of an assembly as arrays; the solid lies to the left of start → end."""
 
     part: Array
@@ -25,7 +25,7 @@ class Edges:
     length: Array
 
     @classmethod
-    def of(cls, assembly: Assembly) -> Edges:
+    def of(cls, assembly: Assembly) -> OutlineEdges:
         part, start, end = [], [], []
         for index, p in enumerate(assembly.parts):
             assert isinstance(p.shape, Polygon)
@@ -41,7 +41,7 @@ class Edges:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EdgePairs:
-    """Edges of two parts that run along each other.
+    """OutlineEdges of two parts that run along each other.
 
     Attributes:
         edges: those of all parts.
@@ -54,7 +54,7 @@ class EdgePairs:
         touching, missing: (m,) whether they do, or nearly.
     """
 
-    edges: Edges
+    edges: OutlineEdges
     a: IntArray
     b: IntArray
     s0: Array
@@ -120,7 +120,7 @@ def edge_pairs(assembly: Assembly, tolerances: Tolerances = TOLERANCES) -> EdgeP
     """Return the edges of two parts each that run along each other, touching or nearly."""
     size, allowed = assembly.size, assembly.tolerance_m
     gap, near = max(tolerances.contact_gap * size, allowed), max(tolerances.near_miss * size, allowed)
-    edges = Edges.of(assembly)
+    edges = OutlineEdges.of(assembly)
     tree = shapely.STRtree(shapely.linestrings(np.stack([edges.start, edges.end], axis=1)))
     a, b = tree.query(tree.geometries, predicate="dwithin", distance=near)
     keep = edges.part[a] < edges.part[b]

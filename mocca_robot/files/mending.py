@@ -69,8 +69,11 @@ def mended(name: str, vertices: Array, faces: IntArray) -> Mended:
     vertices, faces = _used(*_usable(name, vertices, faces))
     origin = np.arange(len(faces))
     notes: list[str] = []
-    vertices, same = distinct_rows(vertices)
-    faces = same[faces]
+    places, same = distinct_rows(vertices)
+    if _closed_as_indexed(faces, same[faces]):
+        # Corners that the file keeps apart belong to bodies that touch there: welding would only mix them up.
+        return _split_into_bodies(name, vertices, faces, surfaces.bodies(faces), notes)
+    vertices, faces = places, same[faces]
     proper = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     if not proper.all():
         faces, origin = faces[proper], origin[proper]
@@ -82,9 +85,17 @@ def mended(name: str, vertices: Array, faces: IntArray) -> Mended:
         vertices, faces = _close(name, vertices, faces, notes)
         vertices, faces, body = surfaces.separated(vertices, faces)
     else:
-        a, b = Edges(faces).pairs()
-        body = surfaces.components(len(faces), a // 3, b // 3)[1]
+        body = surfaces.bodies(faces)
     return _split_into_bodies(name, vertices, faces, body, notes)
+
+
+def _closed_as_indexed(faces: IntArray, places: IntArray) -> bool:
+    """Return whether every edge joins two triangles that agree, by the file's own numbers, and none is said twice."""
+    if not Edges(faces).sound or (places == np.roll(places, 1, axis=1)).any():
+        return False
+    least = places.argmin(axis=1)[:, None]
+    turned = np.take_along_axis(places, (least + np.arange(3)) % 3, axis=1)
+    return len(np.unique(turned, axis=0)) == len(turned)
 
 
 def repaired(name: str, vertices: Array, faces: IntArray) -> tuple[Mesh, tuple[str, ...]]:

@@ -44,6 +44,12 @@ def components(count: int, a: IntArray, b: IntArray) -> tuple[int, IntArray]:
     return int(groups), np.asarray(found, dtype=np.int64)
 
 
+def bodies(faces: IntArray) -> IntArray:
+    """Return (F,) the body of each triangle: those that hang together by edges of two triangles."""
+    a, b = Edges(faces).pairs()
+    return components(len(faces), a // 3, b // 3)[1]
+
+
 def with_three_corners(faces: IntArray) -> IntArray:
     """Return those of `faces` (F, 3) that have three different corners."""
     return np.asarray(faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)])

@@ -20,6 +20,7 @@ from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly, Mesh
 from mocca_robot.errors import InputError
 from mocca_robot.geometry.frames import tangents
+from mocca_robot.geometry.surfaces import separated
 from mocca_robot.geometry.triangulation import (
     boundary_chain,
     cancelled,
@@ -155,9 +156,19 @@ def _built(assembly: Assembly, pieces: _Pieces, part: int, joints: Sequence[Join
         built.append(flat)
     kept = faces[~replaced[origin]]
     triangles = np.concatenate([kept, *built, *surfaces.values()])
-    _require_closed(triangles, assembly.parts[part].name)
+    touching = _doubled(faces)
+    _require_closed(triangles, assembly.parts[part].name, touching)
     used, compact = np.unique(triangles, return_inverse=True)
-    return Mesh(pieces.points[used], compact.reshape(-1, 3))
+    points, triangles = pieces.points[used], compact.reshape(-1, 3)
+    if touching:
+        points, triangles, _ = separated(points, triangles)
+    return Mesh(points, triangles)
+
+
+def _doubled(faces: IntArray) -> bool:
+    """Return whether bodies of a part touch along edges or faces: then more than two triangles meet in an edge."""
+    edges = _edges(faces)
+    return len(np.unique(edges, axis=0)) < len(edges)
 
 
 def _groups(
@@ -195,11 +206,14 @@ def _rest(points: Array, edges: IntArray, normal: Array) -> tuple[IntArray, floa
     return used[triangles], float(0.5 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]).min(initial=0.0))
 
 
-def _require_closed(triangles: IntArray, name: str) -> None:
+def _require_closed(triangles: IntArray, name: str, touching: bool) -> None:
+    """Raise InputError unless every edge has one neighbour, or where bodies are `touching` as many as triangles."""
     edges = _edges(triangles)
     n = int(triangles.max()) + 1
     forward, backward = edges[:, 0] * n + edges[:, 1], edges[:, 1] * n + edges[:, 0]
     distinct = np.unique(forward)
+    if touching and np.array_equal(np.sort(forward), np.sort(backward)):
+        return
     if len(distinct) != len(forward) or not np.array_equal(distinct, np.unique(backward)):
         open_edges = len(np.setxor1d(forward, backward)) + len(forward) - len(distinct)
         raise InputError(

@@ -13,6 +13,8 @@ from mocca_robot.contacts.contact import ContactReport
 from mocca_robot.contacts.find import find_contacts, require_exact, require_sound
 from mocca_robot.contacts.healing import heal
 from mocca_robot.errors import InputError, NearlyTouching
+from mocca_robot.joints.build import build_parts
+from mocca_robot.joints.joint import planar
 from mocca_robot.tolerances import Tolerances
 
 SHARE = 2e-4
@@ -111,6 +113,8 @@ def test_neighbours_share_faces_exactly_after_healing(make, mode):  # type: igno
         assert healed.left == ()
         found = find_contacts(healed.assembly, STRICT)
         assert pairs(found) == pairs(find_contacts(exact)) and found.overlaps == ()
+        # What joints are cut into closes again.
+        build_parts(healed.assembly, [planar(c) for c in find_contacts(healed.assembly).contacts])
         assert max(healed.moved_m) < 4.0 * sloppy.tolerance_m
         assert max(map(abs, healed.volume_change)) < 100.0 * share
 

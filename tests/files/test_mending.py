@@ -217,3 +217,20 @@ def test_a_sound_surface_stays_bit_for_bit() -> None:
     (body,) = found.bodies
     assert {tuple(v) for v in body.vertices} == {tuple(v) for v in vertices}
     assert body.volume == pytest.approx(Mesh(vertices, CUBE.faces).volume, rel=1e-15)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_bodies_that_touch_along_whole_faces_stay_as_many_as_the_file_has(seed: int) -> None:
+    # Coordinates of few digits: the shared walls are no longer flat, and cut along other diagonals on either side.
+    rng = np.random.default_rng(seed)
+    corners = np.round(np.stack(np.meshgrid([0.0, 1, 2], [0.0, 1, 2], [0.0, 1], indexing="ij"), -1) @ rotation(seed), 3)
+    vertices, faces, volume = [], [], 0.0
+    for i, j in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        cell = corners[i : i + 2, j : j + 2].reshape(8, 3)[[0, 4, 6, 2, 1, 5, 7, 3]]
+        mesh = Mesh(cell, BOX_FACES if rng.integers(2) else np.roll(BOX_FACES, 1, axis=1))
+        vertices.append(mesh.vertices)
+        faces.append(mesh.faces + 8 * len(faces))
+        volume += mesh.volume
+    found = mended("ring", np.concatenate(vertices), np.concatenate(faces))
+    assert len(found.bodies) == 4 and found.notes == ()
+    assert found.whole.volume == pytest.approx(volume)
