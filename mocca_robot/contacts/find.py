@@ -14,7 +14,7 @@ from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import ContactReport
 from mocca_robot.contacts.flat import find_contacts_2d
 from mocca_robot.errors import InputError, NearlyTouching
-from mocca_robot.tolerances import TOLERANCES, Tolerances
+from mocca_robot.tolerances import ROUNDING, TOLERANCES, Tolerances
 
 
 def find_contacts(assembly: Assembly, tolerances: Tolerances = TOLERANCES) -> ContactReport:
@@ -97,7 +97,7 @@ def _raise(assembly: Assembly, report: ContactReport, message: str, depth: float
 def rounded_up(length: float) -> float:
     """Return the least length of two digits that is not smaller."""
     unit = 10.0 ** (np.floor(np.log10(length)) - 1)
-    return float(f"{np.ceil(length / unit - 1e-9) * unit:.2g}")
+    return float(f"{np.ceil(length / unit * (1.0 - ROUNDING)) * unit:.2g}")
 
 
 def largest_tolerance(assembly: Assembly) -> tuple[float, str]:

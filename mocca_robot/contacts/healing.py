@@ -21,11 +21,11 @@ from mocca_robot.contacts.find import find_contacts
 from mocca_robot.contacts.penetration import solid
 from mocca_robot.geometry.polygons import to_shapely
 from mocca_robot.geometry.surfaces import welded
-from mocca_robot.tolerances import NEARLY_PARALLEL_RAD
+from mocca_robot.tolerances import EXACT, NEARLY_PARALLEL_RAD
 
-EXACT, NEARLY_EXACT = 1e-12, 1e-8
-"""Of the assembly's size: corners within the first lie on their planes, so far as double precision goes; within the
-second, far less than contacts ask for, after as many turns as are made."""
+NEARLY_EXACT = 1e-8
+"""Of the assembly's size: how far corners may be off their planes after as many turns as are made; far less than
+contacts ask for."""
 TURNS = 500
 """How often planes and corners give way to each other: they come closer by a constant factor every time."""
 NEARLY_DEPENDENT = 0.02
@@ -33,6 +33,8 @@ NEARLY_DEPENDENT = 0.02
 TOUCHING, ALIGNED = 2.0, 4.0
 """Tolerances that a face may be off the plane of its group: a face that is not level with it is a little further away
 where the other does not reach; seams are longer than single faces."""
+CRUMB = 1e-6
+"""Share of a part below which a piece that cutting leaves is rounding."""
 ROUNDS = 3
 """How often overlaps are looked for after cutting; a cut can bare another one."""
 
@@ -279,12 +281,12 @@ def _less(shape: Shape, other: Shape) -> Shape | None:
         rings = [np.asarray(r.coords)[:-1] for r in (left.exterior, *left.interiors)]
         return Polygon(rings[0], tuple(rings[1:]), shape.thickness)
     assert isinstance(other, Mesh)
-    pieces = [p for p in (solid(shape) - solid(other)).decompose() if p.volume() > 1e-6 * shape.volume]
+    pieces = [p for p in (solid(shape) - solid(other)).decompose() if p.volume() > CRUMB * shape.volume]
     if len(pieces) != 1:
         return None
     mesh = pieces[0].to_mesh64()
     points = np.asarray(mesh.vert_properties)[:, :3]
     faces = np.asarray(mesh.tri_verts, dtype=np.int64)
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    points, place, _ = welded(points, 1e-12 * size)
+    points, place, _ = welded(points, EXACT * size)
     return Mesh(points, place[faces])
