@@ -9,16 +9,26 @@ import shapely
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Mesh
+from mocca_robot.geometry.frames import tangents
+from mocca_robot.joints.joint import Joint
 from mocca_robot.report import raster
-from mocca_robot.report.drawing2d import GHOST_REACH, View, arrow
+from mocca_robot.report.drawing2d import GHOST_REACH, View, arrow, view_of
+from mocca_robot.report.joint_faces import EMPHASIS, curved_faces, with_joints_apart
 from mocca_robot.report.markup import point_list, px
 from mocca_robot.report.palette import FIXED, LIGHT
 from mocca_robot.statics.cases import CaseVerdict
+from mocca_robot.tolerances import COARSE
 
 DENSITY = 1.5
 """Pixels of the picture per unit of the drawing."""
 FINER = 2
 """Pixels a side that are averaged into one: smooth lines."""
+LEAN_RAD = np.deg2rad(32.0)
+"""How far a close-up looks at a joint from the side: straight on, a bump has no height."""
+AROUND = 0.35
+"""What a close-up shows around a joint, as a share of the joint's size."""
+CLOSE_UP_PX = 190.0
+"""The longer side of a close-up."""
 MANY_GHOSTS = 24
 """With more moving parts than this only arrows are drawn: outlines would hide the picture."""
 
@@ -29,16 +39,56 @@ def camera(azimuth_rad: float = np.deg2rad(-60.0), elevation_rad: float = np.deg
     return np.array([[-sa, ca, 0.0], [-se * ca, -se * sa, ce], [ce * ca, ce * sa, se]])
 
 
-def solids_layer(assembly: Assembly, colours: Sequence[int], axes: Array, view: View, apart: float = 0.0) -> str:
-    """Return the parts as the camera sees them, moved `apart` (see `exploded`), as one picture inside the drawing."""
+def solids_layer(
+    assembly: Assembly,
+    colours: Sequence[int],
+    axes: Array,
+    view: View,
+    apart: float = 0.0,
+    joints: Sequence[Joint] = (),
+) -> str:
+    """Return the parts as the camera sees them, moved `apart` (see `exploded`), as one picture inside the drawing.
+
+    The faces of curved `joints` are emphasised.
+    """
+    fills = [FIXED if c < 0 else LIGHT[c] for c in colours]
+    meshes, fills, hatched = with_joints_apart(assembly, joints, exploded(assembly, apart), fills)
+    return _seen(meshes, fills, hatched, axes, view)
+
+
+def _seen(meshes: Sequence[Mesh], fills: Sequence[str], hatched: Sequence[bool], axes: Array, view: View) -> str:
     scale = DENSITY * FINER
     width, height = round(view.width * scale), round(view.height * scale)
-    meshes = exploded(assembly, apart)
     seen = raster.look(meshes, axes, view.scale * scale, view.low, width, height)
-    fills = [FIXED if c < 0 else LIGHT[c] for c in colours]
-    pixels = raster.painted(seen, fills, [p.fixed for p in assembly.parts], FINER)
+    pixels = raster.painted(seen, fills, hatched, FINER)
     size = f'width="{px(pixels.shape[1] / DENSITY)}" height="{px(pixels.shape[0] / DENSITY)}"'
     return f'<image class="solids" x="0" y="0" {size} href="{raster.data_uri(pixels)}"/>'
+
+
+def close_up(assembly: Assembly, joint: Joint, side: int, fill: str) -> str:
+    """Return an SVG of one side of a joint, 0 the earlier part's and 1 the later one's, as one who holds it sees it."""
+    part = assembly.parts[joint.contact.parts[side]]
+    assert isinstance(part.shape, Mesh)
+    outwards = joint.contact.normal if side == 0 else -joint.contact.normal
+    axes = _looking_at(outwards)
+    plane = joint.vertices @ axes[:2].T
+    low, high = plane.min(axis=0), plane.max(axis=0)
+    around = AROUND * float((high - low).max())
+    view = view_of(np.array([low - around, high + around]), CLOSE_UP_PX, 0.0)
+    curved = curved_faces(part.shape, [joint])
+    meshes = [Mesh(part.shape.vertices, part.shape.faces[mine]) for mine in (~curved, curved)]
+    picture = _seen(meshes, [fill, EMPHASIS], [part.fixed, False], axes, view)
+    return view.svg(picture, f"The joint's face on {part.name}")
+
+
+def _looking_at(outwards: Array) -> Array:
+    """Return the rows right, up, towards the eye (3, 3) of a camera that looks at a face from its front, from above."""
+    up = np.array([0.0, 0.0, 1.0])
+    side = np.cross(up, outwards)
+    right = side / np.linalg.norm(side) if np.linalg.norm(side) > COARSE else tangents(outwards)[0]
+    over = np.cross(outwards, right)
+    eye = np.cos(LEAN_RAD) * outwards + np.sin(LEAN_RAD) * over
+    return np.array([right, np.cross(eye, right), eye])
 
 
 def exploded(assembly: Assembly, apart: float) -> list[Mesh]:

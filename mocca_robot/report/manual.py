@@ -18,6 +18,7 @@ from mocca_robot.files.output import write_atomic
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report import drawing2d, drawing3d, raster
+from mocca_robot.report.builder_words import kilograms, way_words
 from mocca_robot.report.drawing2d import View
 from mocca_robot.report.figures import stand_alone
 from mocca_robot.report.markup import asset, degrees, esc, point_list, px
@@ -77,7 +78,7 @@ def manual(graph: PartsGraph, ways: Sequence[Insertion], states: Sequence[CaseVe
     names = ", ".join(assembly.parts[k].name for k in ground)
     mass = sum(p.mass for p in assembly.parts)
     lead = (
-        f"{len(assembly.parts)} parts, {_kilograms(mass)} in all. Place first, fixed to the ground: {names}.",
+        f"{len(assembly.parts)} parts, {kilograms(mass)} in all. Place first, fixed to the ground: {names}.",
         "Every other part follows in the order of its number. The arrow is the way it goes in; any direction inside "
         "the wedge or cone around it will do.",
     )
@@ -93,7 +94,7 @@ def _words(
 ) -> list[str]:
     part = assembly.parts[index]
     edges = " × ".join(f"{v * 1e3:.4g}" for v in size(part))
-    out = [f"{edges} mm, {_kilograms(part.mass)}."]
+    out = [f"{edges} mm, {kilograms(part.mass)}."]
     if way is None or way.alpha_rad < 0:
         out.append(BLOCKED)
     else:
@@ -105,26 +106,6 @@ def _words(
         rest = "it does not stand by itself" if last else "until further parts hold them"
         out.append(f"Hold {', '.join(state.moving)}: {rest}.")
     return out
-
-
-def way_words(direction: Array) -> str:
-    """Return an insertion direction in words: steepness, and the side it goes to."""
-    down = float(np.degrees(np.arccos(np.clip(-direction[-1], -1.0, 1.0))))
-    if down < 5.0:
-        return "straight down"
-    if down > 175.0:
-        return "straight up"
-    if len(direction) == 2:
-        side = "to the right" if direction[0] > 0 else "to the left"
-    else:
-        side = f"towards azimuth {np.degrees(np.arctan2(direction[1], direction[0])) % 360:.0f}°"
-    if abs(down - 90.0) < 5.0:
-        return f"level, {side}"
-    return f"{'down' if down < 90 else 'up'}, {min(down, 180 - down):.0f}° from vertical, {side}"
-
-
-def _kilograms(mass: float) -> str:
-    return f"{mass:.3g} kg" if mass >= 1.0 else f"{mass * 1e3:.3g} g"
 
 
 def _rows(assembly: Assembly) -> tuple[tuple[str, ...], ...]:

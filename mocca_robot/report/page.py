@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mocca_robot.files.output import write_atomic
-from mocca_robot.report import physics_sections, player, reserves, sections
+from mocca_robot.report import joints_section, physics_sections, player, reserves, sections
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.markup import asset, esc
 from mocca_robot.report.pictures import PAGE_DEFS
@@ -41,7 +41,7 @@ def report_page(data: ReportData) -> str:
             player.sequence(data),
             physics_sections.tilt(data),
             physics_sections.insertion(data),
-            sections.joints(data),
+            joints_section.joints(data),
             sections.parts_graph(data),
             sections.parts(data),
             sections.provenance(data),

@@ -40,7 +40,7 @@ class Picture:
         colours: index per part, see `palette.part_colours`.
         cases: load cases whose forces (where it stands) or collapse motion (where not) are drawn; each in a group
             `data-case`, the first one visible.
-        joints: drawn as curves in 2D.
+        joints: drawn as curves in 2D; in 3D their faces are emphasised.
         insertions: drawn as cones in 2D.
         names: whether the parts' names are drawn (2D).
         apart: how far solid parts are moved from each other, as a share of their distance from the middle.
@@ -85,7 +85,8 @@ def _flat(picture: Picture, view: View) -> str:
 
 
 def _solid(picture: Picture, view: View) -> str:
-    return drawing3d.solids_layer(picture.graph.assembly, picture.colours, drawing3d.camera(), view, picture.apart)
+    assembly, axes = picture.graph.assembly, drawing3d.camera()
+    return drawing3d.solids_layer(assembly, picture.colours, axes, view, picture.apart, picture.joints)
 
 
 def _case(picture: Picture, verdict: CaseVerdict, view: View) -> str:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from mocca_robot.arrays import Array
 from mocca_robot.report import pictures
+from mocca_robot.report.builder_words import kilograms, way_words
 from mocca_robot.report.case_words import case_words
-from mocca_robot.report.cone_plots import joint_section
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.findings import decided
 from mocca_robot.report.graph_drawing import graph_svg
-from mocca_robot.report.markup import badge, degrees, esc, listed, millimetres, significant, table
+from mocca_robot.report.markup import badge, degrees, esc, listed, significant, table
 from mocca_robot.report.palette import fills, part_colours
 from mocca_robot.report.pictures import Picture
 from mocca_robot.statics.cases import CaseVerdict
@@ -54,8 +51,11 @@ def side_by_side(data: ReportData) -> str:
         panels.append(f"<figure>{drawn}<figcaption>{words}</figcaption></figure>")
     if not flat:
         wide = pictures.shared_view([built], apart=APART)
-        opened = Picture(graph=data.after.graph, colours=colours, apart=APART)
-        words = f"<b>Taken apart.</b> Every part moved away from the middle, by {APART:.0%} of its distance."
+        opened = Picture(graph=data.after.graph, colours=colours, joints=data.design.joints, apart=APART)
+        words = (
+            f"<b>Taken apart.</b> Every part moved away from the middle, by {APART:.0%} of its distance. "
+            "Yellow: the curved joints."
+        )
         drawn = pictures.draw(opened, wide, f"{built.name}, taken apart")
         panels.append(f"<figure>{drawn}<figcaption>{words}</figcaption></figure>")
     return section("pictures", "Input and result", f'{_controls(data)}<div class="figures">{"".join(panels)}</div>')
@@ -133,52 +133,13 @@ def _infeasibility(value: float) -> str:
     return "&lt; 10⁻¹⁵" if 0.0 < value < VANISHING else significant(value, 3)
 
 
-def joints(data: ReportData) -> str:
-    """Return the joints' table, in 2D with the conic section of each motion cone."""
-    assembly = data.design.assembly
-    flat = assembly.dimension == 2
-    by_part = {i.part: i for i in data.design.insertion}
-    rows, sections = [], []
-    for joint in data.design.joints:
-        i, j = (assembly.parts[p].name for p in joint.contact.parts)
-        slope, radius = pictures.joint_shape(joint)
-        parameters = ", ".join(f"{esc(k)} = {significant(float(v), 3)}" for k, v in joint.parameters.items())
-        pair = f"<code>{esc(i)}</code> – <code>{esc(j)}</code>"
-        bend = "–" if not np.isfinite(radius) else millimetres(radius)
-        rows.append([pair, esc(joint.kind), _direction(joint.direction), degrees(slope), bend, parameters or "–"])
-        if flat:
-            way = by_part.get(j)
-            about, length = assembly.parts[joint.contact.parts[1]].centroid, assembly.size / 2
-            out = None if way is None else -np.asarray(way.direction)
-            plot = joint_section(joint, about, length, out, assembly.alpha_rad or 0.0)
-            sections.append(f"<figure>{plot}<figcaption>{esc(i)} – {esc(j)}</figcaption></figure>")
-    head = ("Parts", "Type", "Direction u", "Steepest slope", "Smallest radius", "Parameters (SI)")
-    body = table(head, rows, caption="Joints", numeric=(3, 4))
-    if sections:
-        words = (
-            "<p>Each motion cone {v : n·v ≥ 0} cut by a plane. Filled: the joint's; dashed: the flat contact's; bar: "
-            "the translations that insertion needs. The smaller the filled shape, the more the joint holds.</p>"
-        )
-        minis = f'<div class="minis">{"".join(sections)}</div>'
-        body += f"<details><summary>Conic sections of the joints' motion cones</summary>{words}{minis}</details>"
-    return section("joints", "Joints", body)
-
-
-def _direction(vector: Array) -> str:
-    if len(vector) == 2:
-        return degrees(float(np.arctan2(vector[1], vector[0])))
-    return "(" + ", ".join(f"{v + 0.0:.2f}".replace("-", "−") for v in vector) + ")"
-
-
 def parts_graph(data: ReportData) -> str:
     """Return the parts-graph in sequence order: who was placed before whom, and which joint is between them."""
     words = (
         "<p>Parts in the order in which they are placed. An arc leads from a part to a neighbour placed before it; "
         "its colour says which kind of joint is between them.</p>"
     )
-    return section(
-        "graph", "Parts-graph", f'{words}<div style="overflow-x:auto;background:#fff">{graph_svg(data.graph)}</div>'
-    )
+    return section("graph", "Parts-graph", f'{words}<div class="graph">{graph_svg(data.graph)}</div>')
 
 
 def parts(data: ReportData) -> str:
@@ -195,9 +156,9 @@ def parts(data: ReportData) -> str:
                 str(k + 1),
                 f'<span class="swatch {classes[colours[k]]}"></span><code>{esc(part.name)}</code>',
                 "fixed" if part.fixed else "free",
-                f"{significant(part.mass * 1e3, 3)} g" if part.mass < 1 else f"{significant(part.mass, 3)} kg",
+                kilograms(part.mass),
                 ", ".join(significant(float(c) * 1e3, 4) for c in part.centroid),
-                _direction(way.direction) if way else "–",
+                esc(way_words(way.direction)) if way else "–",
                 f"±{degrees(cone.alpha_rad)}" if cone else "–",
             ]
         )

@@ -16,7 +16,7 @@ from mocca_robot.assembly import Assembly, Part, Polygon
 from mocca_robot.cli import main
 from mocca_robot.files.assembly_json import write_assembly
 from mocca_robot.generators import generate
-from mocca_robot.report.manual import way_words
+from mocca_robot.report.builder_words import way_words
 
 ROOT = Path(__file__).parents[2]
 HOSTILE = '<script>alert("ü")</script> #eval("x") & 石'
