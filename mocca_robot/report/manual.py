@@ -21,14 +21,14 @@ from mocca_robot.report import drawing2d, drawing3d, raster
 from mocca_robot.report.builder_words import kilograms, way_words
 from mocca_robot.report.drawing2d import View
 from mocca_robot.report.figures import stand_alone
-from mocca_robot.report.markup import asset, degrees, esc, point_list, px
+from mocca_robot.report.markup import asset, degrees, esc, plural, point_list, px, significant
 from mocca_robot.report.typeset import write_pdf
 from mocca_robot.statics.cases import CaseVerdict
 
 PLACED, NEW = "#e3e7ec", "#ee8866"
 TRAVEL = 0.22
 """How far in front of its seat a part is drawn, as a share of the assembly's size."""
-HEAD = ("item", "how many", "no.", "parts", "size, mm", "density, kg/m³", "mass, g")
+HEAD = ("item", "how many", "no.", "parts", "size, mm", "density, kg/m³", "mass, kg")
 BLOCKED = "No free direction was found for it: build another sequence, or see the report."
 TEMPLATE = "manual.typ"
 
@@ -78,6 +78,7 @@ def manual(graph: PartsGraph, ways: Sequence[Insertion], states: Sequence[CaseVe
     names = ", ".join(assembly.parts[k].name for k in ground)
     mass = sum(p.mass for p in assembly.parts)
     lead = (
+        *_warnings(graph, by_part, states),
         f"{len(assembly.parts)} parts, {kilograms(mass)} in all. Place first, fixed to the ground: {names}.",
         "Every other part follows in the order of its number. The arrow is the way it goes in; any direction inside "
         "the wedge or cone around it will do.",
@@ -87,6 +88,22 @@ def manual(graph: PartsGraph, ways: Sequence[Insertion], states: Sequence[CaseVe
         _picture(assembly, list(range(len(assembly.parts))), None, None, view, "the finished structure"),
     )
     return Manual(assembly.name, lead, overview, tuple(steps), _rows(assembly))
+
+
+def _warnings(graph: PartsGraph, ways: Mapping[str, Insertion], states: Sequence[CaseVerdict]) -> list[str]:
+    """Return what somebody has to know before the first step: whether it stands in the end, and who cannot go in."""
+    names = [graph.assembly.parts[k].name for k in graph.free]
+    blocked = [name for name in names if name not in ways or ways[name].alpha_rad < 0]
+    out = []
+    if states and states[-1].moving:
+        moving = ", ".join(states[-1].moving)
+        out.append(f"Warning: this structure does not stand by itself. Without support {moving} would fall.")
+    if blocked:
+        out.append(f"Warning: no free way in was found for {', '.join(blocked)}.")
+    held = sum(1 for state in states[:-1] if state.moving)
+    if held:
+        out.append(f"In {plural(held, 'step')} of {len(states)} parts have to be held; the step says which.")
+    return out
 
 
 def _words(
@@ -114,7 +131,7 @@ def _rows(assembly: Assembly) -> tuple[tuple[str, ...], ...]:
         edges = " × ".join(f"{v * 1e3:.4g}" for v in item.size_m)
         numbers = ", ".join(map(str, item.numbers))
         names = ", ".join(item.names) + (" (fixed)" if item.fixed else "")
-        mass = f"{item.mass_kg * 1e3:.4g}"
+        mass = significant(item.mass_kg, 4)
         rows.append((str(number), str(len(item.names)), numbers, names, edges, f"{item.density:g}", mass))
     return tuple(rows)
 

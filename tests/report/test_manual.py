@@ -121,3 +121,19 @@ def test_check_says_what_is_suspicious(tmp_path: Path, capsys: pytest.CaptureFix
         "'shelf' is fixed, 3 m above",
     ):
         assert expected in said
+
+
+def test_a_structure_that_falls_says_so_before_the_first_step(tmp_path: Path) -> None:
+    def opening(top: float) -> str:
+        parts = [Part("ground", Polygon(np.array([[0, 0], [0.1, 0], [0.1, 0.02], [0, 0.02]])), fixed=True)]
+        parts.append(Part("first", Polygon(np.array([[0, 0.02], [0.1, 0.02], [0.1, 0.05], [0, 0.05]]))))
+        over = np.array([[0.0, 0.05], [0.1, 0.05], [0.1, 0.08], [0.0, 0.08]]) + [top, 0.0]
+        parts.append(Part("hat", Polygon(over)))
+        source = write_assembly(Assembly("pile", tuple(parts)), tmp_path / "pile.json")
+        assert main(["manual", str(source), "-o", str(tmp_path / "manual.html")]) == 0
+        page = Reader()
+        page.feed((tmp_path / "manual.html").read_text(encoding="utf-8"))
+        return page.text[: page.text.index("Parts")]
+
+    assert "Warning" not in opening(0.02)
+    assert "does not stand by itself. Without support hat would fall" in opening(0.08)
