@@ -127,7 +127,7 @@ def test_a_structure_that_falls_says_so_before_the_first_step(tmp_path: Path) ->
     def opening(top: float) -> str:
         parts = [Part("ground", Polygon(np.array([[0, 0], [0.1, 0], [0.1, 0.02], [0, 0.02]])), fixed=True)]
         parts.append(Part("first", Polygon(np.array([[0, 0.02], [0.1, 0.02], [0.1, 0.05], [0, 0.05]]))))
-        over = np.array([[0.0, 0.05], [0.1, 0.05], [0.1, 0.08], [0.0, 0.08]]) + [top, 0.0]
+        over = np.array([[0.0, 0.05], [0.1, 0.05], [0.1, 0.08], [0.0, 0.08]]) + np.array([top, 0.0])
         parts.append(Part("hat", Polygon(over)))
         source = write_assembly(Assembly("pile", tuple(parts)), tmp_path / "pile.json")
         assert main(["manual", str(source), "-o", str(tmp_path / "manual.html")]) == 0
