@@ -1,8 +1,10 @@
-"""The six Universal Robots e-series arms this driver knows: kinematics, joint limits, reach and payload.
+"""The Universal Robots arms this driver knows: kinematics, joint limits, reach and payload.
 
 Figures as published by Universal Robots: "DH parameters for calculations of kinematics and dynamics" (support
 article) and the arms' technical data sheets. A real arm differs by millimetres, up to a centimetre: `calibration` fits
-a plan to what the factory measured.
+a plan to what the factory measured. The UR7e and the UR12e are a UR5e and a UR10e of the same size that may carry more
+or have another name (Universal Robots' own description for ROS 2 has the same figures for both), and their controllers
+give the older names. UR8 Long, UR15 and UR18 are not here: their link lengths were not to be had from the maker.
 """
 
 from __future__ import annotations
@@ -142,7 +144,26 @@ MODELS = MappingProxyType(
                 payload_kg=5.0,
             ),
             RobotModel(
+                name="ur7e",
+                dashboard_name="UR5",
+                d=(0.1625, 0, 0, 0.1333, 0.0997, 0.0996),
+                a=(0, -0.425, -0.3922, 0, 0, 0),
+                joint_speed_rad_s=_degrees(180, 180, 180, 180, 180, 180),
+                reach_m=0.85,
+                payload_kg=7.5,
+            ),
+            RobotModel(
                 name="ur10e",
+                dashboard_name="UR10",
+                d=(0.1807, 0, 0, 0.17415, 0.11985, 0.11655),
+                a=(0, -0.6127, -0.57155, 0, 0, 0),
+                joint_speed_rad_s=_degrees(120, 120, 180, 180, 180, 180),
+                reach_m=1.3,
+                payload_kg=12.5,
+                contact_force_n=8.0,
+            ),
+            RobotModel(
+                name="ur12e",
                 dashboard_name="UR10",
                 d=(0.1807, 0, 0, 0.17415, 0.11985, 0.11655),
                 a=(0, -0.6127, -0.57155, 0, 0, 0),

@@ -62,3 +62,12 @@ def test_angle_between_poses_is_that_of_their_relative_rotation() -> None:
     a = (0.1, 0.2, 0.3, 0.4, -0.5, 0.6)
     b = pose_of(transform(a) @ transform((0, 0, 0, 0, 0.25, 0)))
     assert angle_rad(a, b) == pytest.approx(0.25, abs=1e-9)
+
+
+@pytest.mark.parametrize(("new", "known"), [("ur7e", "ur5e"), ("ur12e", "ur10e")])
+def test_arms_of_the_same_size_move_alike_and_are_rehearsed_alike(new: str, known: str) -> None:
+    from sim.cell.arm_model import JOINT_TORQUE_NM, LINK_MASS_KG
+
+    a, b = MODELS[new], MODELS[known]
+    assert (a.d, a.a, a.dashboard_name) == (b.d, b.a, b.dashboard_name) and a.payload_kg >= b.payload_kg
+    assert LINK_MASS_KG[new] == LINK_MASS_KG[known] and set(MODELS) == set(LINK_MASS_KG) == set(JOINT_TORQUE_NM)
