@@ -12,6 +12,7 @@ import numpy as np
 
 from mocca_robot.plan.arm_links import capsules, offsets
 from mocca_robot.plan.arm_models import RobotModel
+from planners.robot.obstacles import Obstacle
 from planners.robot.tool import Gripper, ParallelGripper
 
 
@@ -82,3 +83,18 @@ def add_finger(flange: Any, gripper: ParallelGripper, side: str) -> Finger:
         size=0.5 * (high - low),
     )
     return Finger(side, sign, body, joint, shape)
+
+
+def add_obstacle(body: Any, obstacle: Obstacle, **options: Any) -> None:
+    """Add an obstacle of the cell as a box named after it to a body that stands in the base's frame."""
+    import mujoco
+
+    c, s = float(np.cos(0.5 * obstacle.yaw_rad)), float(np.sin(0.5 * obstacle.yaw_rad))
+    body.add_geom(
+        name=f"obstacle {obstacle.name}",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        pos=obstacle.middle,
+        quat=[c, 0.0, 0.0, s],
+        size=obstacle.half,
+        **options,
+    )

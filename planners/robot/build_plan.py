@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.design import Design, Insertion
 from mocca_robot.errors import InputError
 from mocca_robot.files.design_json import StoredDesign
-from mocca_robot.plan.plan import Move, MoveKind, Plan, Step
+from mocca_robot.plan.plan import Plan, Step
 from planners.robot.bench import Bench
 from planners.robot.build_result import BuildPlan, PartReport
 from planners.robot.cell import RobotCell
@@ -25,13 +25,13 @@ from planners.robot.effort import strain
 from planners.robot.falling_states import falls
 from planners.robot.grasp import GraspSearch, find_grasps
 from planners.robot.grasp_pose import GraspPose, count, summary
+from planners.robot.obstacles import require_room
 from planners.robot.pick import Pick, picks, reachable, tool_down
 from planners.robot.scene import CellScene
 from planners.robot.seat import Seat, seats
 from planners.robot.site import Site, site
 from planners.robot.standing_place import carried_over, standings
-from planners.robot.timed_step import FORCE_N, end, timed_step
-from planners.robot.trajectory import joint_motion
+from planners.robot.timed_step import end, homeward, timed_step
 from planners.robot.transit import way
 from planners.robot.tray import tray_layout, with_layout
 
@@ -85,6 +85,7 @@ def build_plan(
     tray = tray_layout(bench.site, cell, turns)
     cell = with_layout(bench.cell, bench.site, tray)
     bench.cell = cell
+    require_room(cell.obstacles, bench.site.bodies, tray.motions)
     bench.clear(tray)
     steps = _steps(bench, search, progress)
     reports = tuple(search.reports[n] for n in names)
@@ -95,7 +96,7 @@ def build_plan(
             return BuildPlan(plan=None, reports=reports, falls=(), cell=cell, site=bench.site, tray=tray)
     for name in names[len(steps) :]:
         bench.scene.place(name, bench.waiting(name))
-    steps[-1] = _homeward(bench, steps[-1], seed)
+    steps[-1] = homeward(bench, steps[-1], seed)
     plan = Plan(
         design_sha256=design_sha256,
         robot=cell.model.name,
@@ -295,24 +296,3 @@ class _Attempt:
             usable_rad=self.usable_rad,
             out_of_reach=far,
         )
-
-
-def _homeward(bench: Bench, step: Step, seed: int) -> Step:
-    """Return the last step with the way home, if there is one."""
-    bench.scene.assign()
-    at = end(step.moves[-1].path)
-    opening = step.moves[-1].gripper_m
-    limit = np.asarray(bench.cell.model.joint_limit_rad)
-    legs = way(at, np.array(bench.cell.home), lambda q: not bench.free(q, opening), limit, seed)
-    if legs is None:
-        return step
-    limits = bench.cell.limits
-    force = min(FORCE_N, limits.abort_force_n)
-    move = Move(
-        kind=MoveKind.TRANSIT,
-        path=joint_motion(bench.cell, legs),
-        speed_m_s=limits.transfer_speed_m_s,
-        force_limit_n=force,
-        gripper_m=opening,
-    )
-    return replace(step, moves=(*step.moves, move))

@@ -20,6 +20,7 @@ from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Cell, Plan
 from mocca_robot.plan.pose import six, three
 from planners.robot.cell_keys import CELL_KEYS, EXAMPLE
+from planners.robot.obstacles import Obstacle, read_obstacles, require_clear
 from planners.robot.tool import Gripper, SuctionGripper, read_gripper
 
 
@@ -48,6 +49,7 @@ class RobotCell:
         cradles: parts that a cradle holds and brings to their place once they are let go; `("all",)` for every part.
         tray_m: (2, 2) corners of the tray in the horizontal; parts stand `nest_m` above the table, `gap_m` apart.
         tray_places: where parts wait, by name; empty when the layout is generated.
+        obstacles: what else stands there.
         home: joint angles (6,) where a build begins and ends.
         document: the file's content, from which a plan lets the cell be read again.
     """
@@ -70,6 +72,7 @@ class RobotCell:
     nest_m: float
     gap_m: float
     tray_places: Mapping[str, TrayPlace]
+    obstacles: tuple[Obstacle, ...]
     home: Array
     limits: MotionLimits
     document: Mapping[str, Any] = field(default_factory=dict)
@@ -132,6 +135,8 @@ def cell_from_document(content: object, where: str) -> RobotCell:
     contact_n = model.contact_force_n
     places = _places(build["origin_m"], f"{where}: build.origin_m")
     yaws = _yaws(build["yaw_deg"], f"{where}: build.yaw_deg")
+    obstacles = read_obstacles(top["obstacles"] or {}, f"{where}: obstacles")
+    require_clear(obstacles, model, np.deg2rad(top["home_deg"]), f"{where}: obstacles")
     return RobotCell(
         name=top["name"],
         serial=top["serial"],
@@ -151,6 +156,7 @@ def cell_from_document(content: object, where: str) -> RobotCell:
         nest_m=tray["nest_m"],
         gap_m=tray["gap_m"],
         tray_places=_tray_places(tray["parts"] or {}, f"{where}: tray.parts"),
+        obstacles=obstacles,
         home=read_only(np.deg2rad(top["home_deg"])),
         limits=replace(MotionLimits(), contact_force_n=contact_n).lowered(top["limits"], where, contact_n),
         document=raw,

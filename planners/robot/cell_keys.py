@@ -79,6 +79,17 @@ CELL_KEYS: tuple[Key, ...] = (
         "Turn from how the part will stand, as a rotation vector; in place of `yaw_deg`.",
         size=3,
     ),
+    Key("obstacles", "mapping", None, "", "What else stands in the cell, by name; arm, tool and parts avoid it."),
+    Key(
+        "obstacles.NAME.box_m",
+        "box",
+        None,
+        "m",
+        "Low and high corner of a box that encloses it, before its turn.",
+        size=3,
+        required=True,
+    ),
+    Key("obstacles.NAME.yaw_deg", "number", 0.0, "deg", "Turn of the box about z, about its middle."),
     Key(
         "home_deg",
         "vector",

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.arrays import Array, IntArray
-from planners.robot.arm_bodies import add_finger, add_links, add_palm
+from planners.robot.arm_bodies import add_finger, add_links, add_obstacle, add_palm
 from planners.robot.cell import RobotCell
 from planners.robot.site import Site
 from planners.robot.tool import ParallelGripper, SuctionGripper
@@ -57,6 +57,10 @@ class CellScene:
                 contype=0,
                 conaffinity=_ARM | _FINGERS | _CARRIED | _SHOULDER,
             )
+        for obstacle in cell.obstacles:
+            shoulder = 0 if obstacle.carries_base else _SHOULDER
+            met = _ARM | _FINGERS | _CARRIED | shoulder
+            add_obstacle(spec.worldbody, obstacle, contype=0, conaffinity=met)
         self._add_arm(spec)
         for body in site.bodies:
             node = spec.worldbody.add_body(name=f"part {body.name}")

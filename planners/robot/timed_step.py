@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from planners.robot.seat import Seat
 from planners.robot.tolerance import tolerance
 from planners.robot.tool import SuctionGripper
 from planners.robot.trajectory import joint_motion, line_motion
+from planners.robot.transit import way
 
 INSERT_M = 0.015
 """The compliant part of the way in; before it the arm is guarded, and any contact stops it."""
@@ -134,3 +135,24 @@ def timed_step(
 def end(path: Sequence[Waypoint]) -> Array:
     """Return the joints (6,) where a path ends."""
     return np.array(path[-1].q)
+
+
+def homeward(bench: Bench, step: Step, seed: int) -> Step:
+    """Return the last step with the way home, if there is one; `seed` decides where it is looked for."""
+    bench.scene.assign()
+    at = end(step.moves[-1].path)
+    opening = step.moves[-1].gripper_m
+    limit = np.asarray(bench.cell.model.joint_limit_rad)
+    legs = way(at, np.array(bench.cell.home), lambda q: not bench.free(q, opening), limit, seed)
+    if legs is None:
+        return step
+    limits = bench.cell.limits
+    force = min(FORCE_N, limits.abort_force_n)
+    move = Move(
+        kind=MoveKind.TRANSIT,
+        path=joint_motion(bench.cell, legs),
+        speed_m_s=limits.transfer_speed_m_s,
+        force_limit_n=force,
+        gripper_m=opening,
+    )
+    return replace(step, moves=(*step.moves, move))

@@ -15,6 +15,7 @@ from mocca_robot.geometry.extrusion import surface
 from mocca_robot.plan.arm_links import capsules
 from mocca_robot.plan.arm_models import RobotModel
 from mocca_robot.report.rehearsal import CellFilm, Chapter, ShownBody
+from planners.robot.obstacles import Obstacle
 from planners.robot.tool import Gripper, SuctionGripper
 from sim.cell.cell_model import Workplace
 from sim.cell.world import Frame
@@ -71,6 +72,7 @@ def _cell_bodies(place: Workplace) -> Iterator[ShownBody]:
 
     gripper = place.cell.gripper
     boxes = [_box(c) for c in (place.cell.table_m, place.plinth) if c is not None]
+    boxes += [_box(np.stack([-o.half, o.half]), o) for o in place.cell.obstacles]
     yield ShownBody("table", _joined(boxes), WOOD, False)
     for k, link in enumerate(capsules(place.cell.model)):
         pieces = []
@@ -116,12 +118,14 @@ def _joined(meshes: Sequence[Mesh]) -> Mesh:
     return Mesh(np.concatenate([m.vertices for m in meshes]), np.concatenate(faces))
 
 
-def _box(corners: Array) -> Mesh:
+def _box(corners: Array, placed: Obstacle | None = None) -> Mesh:
+    """Return a box between corners (2, 3), in its own frame or where an obstacle has it."""
     import trimesh
 
     low, high = corners
     box = trimesh.creation.box(extents=high - low)
-    return Mesh(box.vertices + 0.5 * (low + high), box.faces)
+    corners = box.vertices + 0.5 * (low + high)
+    return Mesh(corners if placed is None else placed.placed(corners), box.faces)
 
 
 def write_cell_film(moving: CellFilm, path: str | Path, options: FilmOptions | None = None) -> Path:

@@ -22,6 +22,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Part, Polygon
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.extrusion import surface
+from planners.robot.arm_bodies import add_obstacle
 from planners.robot.cell import RobotCell
 from planners.robot.site import Site
 from planners.robot.tool import SuctionGripper
@@ -48,7 +49,8 @@ LEAST_FRICTION = 1e-5
 GRIP_IMPRATIO = 100.0
 """Friction this much stiffer than normal contact: at 10 a part turns by 7° between the fingers in half a minute."""
 LAYERS = 0.8
-"""Flat parts touch at two depths, this share of their thickness apart: so they do not topple out of their plane."""
+"""Flat parts touch at two depths, this share of the thinner one's thickness apart: so they do not topple out of their
+plane."""
 SUPPORT_N_M = 2.5e4
 """How stiffly a support holds a part: as an arm holds it, which gives 0.4 mm under 10 N."""
 SUPPORT_SPREAD = 0.25
@@ -218,6 +220,8 @@ def _add_table(spec: Any, place: Workplace, base: Array, quat: Array) -> None:
             conaffinity=ARM | PAD | PART,
             condim=3,
         )
+    for obstacle in place.cell.obstacles:
+        add_obstacle(table, obstacle, contype=0, conaffinity=ARM | PAD | PART, condim=3)
 
 
 def _add_part(spec: Any, place: Workplace, index: int, pose: Pose, moment: Moment) -> Any:
@@ -302,13 +306,16 @@ def _add_joints(
 
 
 def _deep(assembly: Assembly, model: ContactModel) -> ContactModel:
-    """Return facet pairs of flat parts at two depths; those of solids as they are."""
+    """Return facet pairs of flat parts at two depths, both inside the thinner part; those of solids as they are."""
     if assembly.dimension == 3:
         return model
+    thin = [_thickness(assembly.parts[g.part]) for g in model.geoms]
+    for a, b in model.pairs or ():
+        thin[a] = thin[b] = min(thin[a], thin[b])
     geoms: list[Geom] = []
     for sign in (-0.5, 0.5):
-        for g in model.geoms:
-            depth = sign * LAYERS * _thickness(assembly.parts[g.part])
+        for k, g in enumerate(model.geoms):
+            depth = sign * LAYERS * thin[k]
             geoms.append(geom(g.part, g.kind, g.points + np.array([0.0, depth, 0.0]), g.size, g.rotation, g.role))
     count = len(model.geoms)
     pairs = [(a + k * count, b + k * count) for k in (0, 1) for a, b in model.pairs or ()]

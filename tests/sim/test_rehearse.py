@@ -43,7 +43,7 @@ from sim.cell.wrist_force import hand_wrench
 
 ROOT = Path(__file__).resolve().parents[2]
 SCHEMA = json.loads((ROOT / "docs" / "schemas" / "rehearsal.schema.json").read_text(encoding="utf-8"))
-QUICK = Options(speed=4.0)
+QUICK = Options(speed=2.0)
 
 
 def block(name: str, x: float, y: float, w: float, h: float, fixed: bool = False) -> Part:
@@ -311,7 +311,7 @@ def test_the_command_writes_its_verdict_and_its_page(tmp_path: Path, capsys: pyt
     built = build_plan(pile(), cell(), file_sha256(design), design_path="design.json")
     assert built.plan is not None
     write_plan(built.plan, tmp_path / "plan.json")
-    assert main(["rehearse", str(tmp_path / "plan.json"), "--speed", "8", "--json"]) == 0
+    assert main(["rehearse", str(tmp_path / "plan.json"), "--speed", "3", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["succeeded"] and said["parts"][0]["part"] == "b0"
     stored = json.loads((tmp_path / "rehearsal.json").read_text(encoding="utf-8"))
@@ -358,3 +358,18 @@ def test_the_scarecrow_is_designed_planned_and_rehearsed_and_stands_without_its_
     result = rehearse(built.plan, stored, QUICK)
     assert result.succeeded, [(p.part, p.status, p.detail, p.standing) for p in result.parts]
     assert result.whole is not None and result.whole.displacement_m < 1e-3
+
+
+@pytest.mark.parametrize("thickness", [0.03, 0.012])
+def test_flat_parts_of_different_thickness_meet_and_stand(thickness: float) -> None:
+    """A base of 70 mm under a block of 30 or 12 mm: their contact points lie in the thinner of the two."""
+    base, upper = pile().assembly.parts
+    thick = Part("base", replace(base.shape, thickness=0.07), fixed=True)
+    thin = Part("b0", replace(upper.shape, thickness=thickness))
+    assembly = replace(pile().assembly, parts=(thick, thin))
+    made = replace(pile(), source=assembly, assembly=assembly)
+    here = replace(cell(), thickness_m=None)
+    built = build_plan(made, here, "0" * 64)
+    assert built.plan is not None, [r.reasons for r in built.reports]
+    seen = rehearse(built.plan, made, QUICK).parts[0]
+    assert seen.succeeded and seen.standing is not None and seen.standing.displacement_m < 1e-3
