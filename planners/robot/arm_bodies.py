@@ -12,7 +12,7 @@ import numpy as np
 
 from mocca_robot.plan.arm_links import capsules, offsets
 from mocca_robot.plan.arm_models import RobotModel
-from planners.robot.obstacles import Obstacle
+from planners.robot.obstacles import CellBox
 from planners.robot.tool import Gripper, ParallelGripper
 
 
@@ -85,7 +85,7 @@ def add_finger(flange: Any, gripper: ParallelGripper, side: str) -> Finger:
     return Finger(side, sign, body, joint, shape)
 
 
-def add_obstacle(body: Any, obstacle: Obstacle, **options: Any) -> None:
+def add_obstacle(body: Any, obstacle: CellBox, **options: Any) -> None:
     """Add an obstacle of the cell as a box named after it to a body that stands in the base's frame."""
     import mujoco
 

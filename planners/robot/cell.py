@@ -20,7 +20,7 @@ from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Cell, Plan
 from mocca_robot.plan.pose import six, three
 from planners.robot.cell_keys import CELL_KEYS, EXAMPLE
-from planners.robot.obstacles import Obstacle, read_obstacles, require_clear
+from planners.robot.obstacles import CellBox, read_obstacles, require_clear
 from planners.robot.tool import Gripper, SuctionGripper, read_gripper
 
 
@@ -72,7 +72,7 @@ class RobotCell:
     nest_m: float
     gap_m: float
     tray_places: Mapping[str, TrayPlace]
-    obstacles: tuple[Obstacle, ...]
+    obstacles: tuple[CellBox, ...]
     home: Array
     limits: MotionLimits
     document: Mapping[str, Any] = field(default_factory=dict)

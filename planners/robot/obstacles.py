@@ -22,7 +22,7 @@ ALONG = 24
 """Places along a link that are looked at."""
 
 
-class Standing(Protocol):
+class PlacedPieces(Protocol):
     """A part where it belongs, as convex pieces (n, 3)."""
 
     @property
@@ -37,7 +37,7 @@ class Standing(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Obstacle:
+class CellBox:
     """A box: its middle (3,), half its sides (3,), and its turn about z; base frame."""
 
     name: str
@@ -83,7 +83,7 @@ class Obstacle:
         return bool(found.status == 0)
 
 
-def read_obstacles(value: object, where: str) -> tuple[Obstacle, ...]:
+def read_obstacles(value: object, where: str) -> tuple[CellBox, ...]:
     """Return the obstacles of a cell file; InputError names what is wrong with one."""
     out = []
     for name, entry in fields.mapping(value, where).items():
@@ -92,11 +92,11 @@ def read_obstacles(value: object, where: str) -> tuple[Obstacle, ...]:
         low, high = raw["box_m"]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         yaw = float(np.deg2rad(raw["yaw_deg"]))
-        out.append(Obstacle(fields.part_name(name, where), read_only(middle), read_only(half), yaw))
+        out.append(CellBox(fields.part_name(name, where), read_only(middle), read_only(half), yaw))
     return tuple(out)
 
 
-def require_clear(obstacles: Sequence[Obstacle], model: RobotModel, home: Array, where: str) -> None:
+def require_clear(obstacles: Sequence[CellBox], model: RobotModel, home: Array, where: str) -> None:
     """Return if the arm at `home` (6,) is clear of every obstacle; InputError names the first and the link it holds."""
     frames = model.frames(home)
     for obstacle in obstacles:
@@ -127,7 +127,7 @@ def _link_frame(after: Array, link: int, model: RobotModel) -> Array:
     return np.asarray(after @ np.linalg.inv(back))
 
 
-def require_room(obstacles: Sequence[Obstacle], bodies: Sequence[Standing], waiting: Mapping[str, Array]) -> None:
+def require_room(obstacles: Sequence[CellBox], bodies: Sequence[PlacedPieces], waiting: Mapping[str, Array]) -> None:
     """Return if no obstacle stands where a part belongs, or waits in the tray after the motion (4, 4) by its name;
     InputError names the first that does.
     """

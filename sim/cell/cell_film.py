@@ -15,7 +15,7 @@ from mocca_robot.geometry.extrusion import surface
 from mocca_robot.plan.arm_links import capsules
 from mocca_robot.plan.arm_models import RobotModel
 from mocca_robot.report.rehearsal import CellFilm, Chapter, ShownBody
-from planners.robot.obstacles import Obstacle
+from planners.robot.obstacles import CellBox
 from planners.robot.tool import Gripper, SuctionGripper
 from sim.cell.cell_model import Workplace
 from sim.cell.world import Frame
@@ -118,7 +118,7 @@ def _joined(meshes: Sequence[Mesh]) -> Mesh:
     return Mesh(np.concatenate([m.vertices for m in meshes]), np.concatenate(faces))
 
 
-def _box(corners: Array, placed: Obstacle | None = None) -> Mesh:
+def _box(corners: Array, placed: CellBox | None = None) -> Mesh:
     """Return a box between corners (2, 3), in its own frame or where an obstacle has it."""
     import trimesh
 

@@ -13,7 +13,7 @@ from test_plan_build import cell, plan_of, tower
 from mocca_robot.errors import InputError
 from planners.robot.build_plan import build_plan
 from planners.robot.cell import RobotCell, cell_of, read_cell
-from planners.robot.obstacles import Obstacle, require_room
+from planners.robot.obstacles import CellBox, require_room
 from planners.robot.recheck import recheck
 
 TEXT = (Path(__file__).resolve().parents[2] / "configs" / "cells" / "ur5e_2f85.yaml").read_text()
@@ -69,11 +69,11 @@ def test_an_obstacle_where_a_part_belongs_or_waits_is_refused(tmp_path: Path) ->
 
 
 def test_pieces_meet_boxes_exactly_also_turned() -> None:
-    box = Obstacle("o", np.zeros(3), np.array([1.0, 0.1, 1.0]), float(np.pi / 4))
+    box = CellBox("o", np.zeros(3), np.array([1.0, 0.1, 1.0]), float(np.pi / 4))
     edge = np.array([[0.5, -0.5, 0.0], [0.9, -0.9, 0.0], [0.7, -0.7, 0.2], [0.6, -0.6, -0.2]])
     assert not box.meets(edge) and box.meets(edge + np.array([-0.6, 0.6, 0.0]))
     # Their bounding boxes overlap in every frame, they do not.
-    flat = Obstacle("o", np.zeros(3), np.array([1.0, 1.0, 1.0]), 0.0)
+    flat = CellBox("o", np.zeros(3), np.array([1.0, 1.0, 1.0]), 0.0)
     corner = np.array([[1.6, 0.6, 0.0], [0.6, 1.6, 0.0], [1.6, 1.6, 0.0], [1.1, 1.1, 0.5]])
     assert not flat.meets(corner) and flat.meets(corner - 0.11)
     require_room([flat], [], {})
