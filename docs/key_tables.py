@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from mocca_robot.config.keys import Key, section
+from mocca_robot.files.fields import MOST_ROWS
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _NUMBER = {"type": "number"}
@@ -109,6 +110,9 @@ def _rule(key: Key) -> dict[str, Any]:
         return vector if key.size else {"type": ["number", "array"]}
     if key.kind == "box":
         return {"type": "array", "items": vector, "minItems": 2, "maxItems": 2}
+    if key.kind == "height field":
+        row = {"type": "array", "items": _NUMBER, "minItems": 1, "maxItems": MOST_ROWS}
+        return {"type": "array", "items": row, "maxItems": MOST_ROWS}
     if key.kind == "places":
         three = {"type": "array", "items": _NUMBER, "minItems": 3, "maxItems": 3}
         return {"anyOf": [three, {"type": "array", "items": three, "minItems": 1}]}

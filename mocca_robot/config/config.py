@@ -24,7 +24,7 @@ from mocca_robot.files.assembly_json import gravity_from_data, in_sequence
 from mocca_robot.files.documents import MAX_YAML_BYTES, existing_path, parse_yaml, read_text, yaml_key_lines
 from mocca_robot.files.goals import goals_from_data
 from mocca_robot.files.versions import CONFIG
-from mocca_robot.joints.options import JointOptions
+from mocca_robot.joints.options import FLAT_KINDS, SOLID_KINDS, JointOptions
 from mocca_robot.statics.materials import Friction, require_materials
 from mocca_robot.tolerances import ON_GROUND
 
@@ -130,6 +130,7 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
     friction = _friction(given, assembly, where, joints.get("friction", model.friction))
     simulate.setdefault("friction", friction)
     cut = read_section(schema.KEYS, given.get("cut", {}), "cut", where, unit_m)
+    _require_carried(joints, assembly.dimension, f"{where}: joints")
     return Config(
         assembly=assembly,
         source=path,
@@ -143,6 +144,20 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
         notes=said + model.notes + _suspicions(assembly),
         values=_effective(data, lines, arguments or {}, model),
     )
+
+
+def _require_carried(joints: Mapping[str, Any], dimension: int, where: str) -> None:
+    """Raise InputError for families that only parts of the other dimension have."""
+    if dimension == 2 and joints.get("profile"):
+        raise InputError(f"{where}.profile belongs to solid parts, but these are flat; remove it.")
+    mine, other = (FLAT_KINDS, "solid") if dimension == 2 else (SOLID_KINDS, "flat")
+    named = joints.get("kinds", mine)
+    if not set(named) & set(mine):
+        parts = "flat" if dimension == 2 else "solid"
+        raise InputError(
+            f"{where}.kinds is [{', '.join(named)}], which only {other} parts have, but these are {parts}; "
+            f"name at least one of {', '.join(mine)}."
+        )
 
 
 def _friction(given: Mapping[str, Any], assembly: Assembly, where: str, default: float) -> float:

@@ -21,7 +21,7 @@ class Key:
     Attributes:
         name: with its section: 'alpha_deg', 'joints.margin'; 'parts.NAME.density' stands for every part.
         kind: what a value looks like: number, integer, degrees, length, length_or_share, boolean, name, names, text,
-            choice, choices, vector, box, friction, entries, goals, mapping, loads,
+            choice, choices, vector, box, height field, friction, entries, goals, mapping, loads,
             values (of a study), places, turns (of a cell).
         default: as one would write it; None = not set.
         unit: of the written value; 'units' = the configuration's own.
@@ -91,6 +91,8 @@ class Key:
             return checks.mapping(data, where)
         if self.kind == "vector" and self.size:
             return checks.vector(data, where, (self.size,))
+        if self.kind == "height field":
+            return checks.height_field(data, where)
         if self.kind == "box":
             return checks.box(data, where, self.size)
         return data  # goals, loads, gravity, values, places, turns: read where they are used

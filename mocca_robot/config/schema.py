@@ -10,9 +10,10 @@ from mocca_robot.assembly import DEFAULT_DENSITY, DEFAULT_THICKNESS, STANDARD_GR
 from mocca_robot.config.keys import Key
 from mocca_robot.fabrication.options import CutOptions
 from mocca_robot.files import fields as checks
-from mocca_robot.joints.options import JointOptions
+from mocca_robot.joints.families.heights import FEWEST, MOST
+from mocca_robot.joints.options import FURTHER, JointOptions
 
-JOINT_KINDS = ("n", "z", "frustum")
+JOINT_KINDS = ("n", "z", "frustum", *FURTHER)
 GENERATORS = ("shell", "frame", "stack", "wall", "arch", "dome")
 MODEL_FILES = ("svg", "dxf", "json", "obj", "stl", "ply", "3mf", "glb")
 
@@ -180,8 +181,27 @@ KEYS: tuple[Key, ...] = (
         list(_J.kinds),
         "",
         "Families of joints that the designer may use: one curved bump (n); flat parts also a bump and a dent (z), "
-        "solid ones also a block with straight flanks (frustum), which holds more and is tried where bumps fail.",
+        "solid ones also a block with straight flanks (frustum), which holds more and is tried where bumps fail. After "
+        "that come blocks that follow the contact's outline (outline), ribs along one side (rib), bumps with four free "
+        "heights (free) and several bumps on a contact (several); only where named, grids of heights (heights).",
         known=JOINT_KINDS,
+    ),
+    Key(
+        "joints.control_heights",
+        "integer",
+        _J.control_heights,
+        "",
+        "Control heights along each side of joints of the family `heights`.",
+        low=FEWEST,
+        high=MOST,
+    ),
+    Key(
+        "joints.profile",
+        "height field",
+        [],
+        "",
+        "Your own shape for the joints of solid parts: rows of control heights along the contact's longer side, like "
+        "`[[0.5, 1, 0.5], [0.5, 1, 0.5]]`. The designer scales it and may turn it over; it takes the place of n.",
     ),
     Key(
         "joints.max_slope_deg",

@@ -212,3 +212,32 @@ def box(value: object, where: str, size: int) -> Array:
     if not (low < high).all():
         raise InputError(f"{where} is {shown(value)}; the low corner must lie below the high one on every axis.")
     return read_only([low, high])
+
+
+MOST_ROWS = 12
+
+
+def height_field(value: object, where: str) -> tuple[tuple[float, ...], ...]:
+    """Return rows of heights, all of one length, as shares of the largest height, −1 to 1.
+
+    Raises InputError for what is no height field: points in place of heights, rows of several lengths, no height.
+    """
+    if value == []:
+        return ()
+    example = "[[0.5, 1, 0.5], [0.5, 1, 0.5]]"
+    if not isinstance(value, list) or not value or not all(isinstance(row, list) and row for row in value):
+        raise InputError(f"{where} must be rows of heights such as {example}, not {shown(value)}.")
+    if any(isinstance(entry, list) for row in value for entry in row):
+        raise InputError(
+            f"{where} has points in the place of heights; a height field has one height above every place: {example}."
+        )
+    lengths = sorted({len(row) for row in value})
+    if len(lengths) > 1:
+        raise InputError(f"{where} has rows of {lengths[0]} and of {lengths[-1]} heights; give every row as many.")
+    if max(len(value), lengths[0]) > MOST_ROWS:
+        raise InputError(f"{where} is {len(value)} × {lengths[0]} heights; give at most {MOST_ROWS} along each side.")
+    rows = [[number(h, f"{where}[{j}][{k}]") for k, h in enumerate(row)] for j, row in enumerate(value)]
+    largest = max(abs(h) for row in rows for h in row)
+    if largest == 0.0:
+        raise InputError(f"{where} is flat; give at least one height other than 0, or [] for none.")
+    return tuple(tuple(h / largest for h in row) for row in rows)

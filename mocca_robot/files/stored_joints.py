@@ -13,6 +13,7 @@ from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import InputError, nearest
 from mocca_robot.files.design_json import StoredDesign, StoredJoint
 from mocca_robot.joints.bicubic import bicubic_joint, rectangle_from
+from mocca_robot.joints.families.known import STORED
 from mocca_robot.joints.frustum import frustum_joint
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.spline import SplineKind, polyline_joint, spline_points
@@ -21,7 +22,7 @@ from mocca_robot.tolerances import TOLERANCES
 
 KINDS = {
     2: ("planar", "n", "z", "piecewise_n", "piecewise_z", "tenon"),
-    3: ("planar", "bicubic", "bicubic_z", "piecewise", "piecewise_z", "frustum", "tenon"),
+    3: ("planar", "bicubic", "bicubic_z", "piecewise", "piecewise_z", "frustum", "tenon", *STORED),
 }
 
 
@@ -88,9 +89,11 @@ def _solid(stored: StoredJoint, contact: Contact) -> Joint:
         return tenon_joint(contact, rectangle, numbers["height_m"], stored.direction, numbers["draft_rad"])
     if stored.kind == "frustum":
         return frustum_joint(contact, rectangle, numbers["height_m"], stored.direction, numbers["flank"])
-    segments = int(numbers["flank_segments"])
+    segments = 1 if stored.kind == "outline" else int(numbers["flank_segments"])
     if not 1 <= segments <= 100:
         raise ValueError(f"{segments} pieces per flank")
+    if stored.kind in STORED:
+        return STORED[stored.kind](contact, rectangle, stored.direction, numbers, segments)
     family = "z" if stored.kind.endswith("_z") else "n"
     return bicubic_joint(contact, rectangle, numbers["height_m"], stored.direction, segments, family)
 

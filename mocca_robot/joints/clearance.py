@@ -39,6 +39,7 @@ def height_limits(
     margin: Array | float,
     lean: float = 0.0,
     flank: float = 1 / 3,
+    samples: tuple[Array, Array] | None = None,
 ) -> tuple[Array, Array]:
     """Return the lowest and highest bump (E,), (E,), metres along u, h_min ≤ 0 ≤ h_max.
 
@@ -46,7 +47,9 @@ def height_limits(
     directions. The limits hold for every direction u' with |u' − u| ≤ `lean`, so that one call serves an
     optimiser that leans u. A rectangle closer to a face or to another rectangle than 2·`margin` is asked to keep
     half of that distance. `flank` is the width of the bumps' flanks, as a share of the rectangle's sides; bumps with
-    wider ones have at least as much room. Conservative between the samples only as far as the margin goes.
+    wider ones have at least as much room; `samples` takes its place where surfaces are no bumps over rectangles: points
+    (E, S, 2) in shares of the rectangles, and how far up (S,) they are. Conservative between the samples only as far as
+    the margin goes.
     """
     count = len(contacts)
     if count == 0:
@@ -60,13 +63,15 @@ def height_limits(
     faces = [_other_faces(assembly, int(p), contacts[e]) for p, e in zip(part, joint)]
     neighbours = [joint[(part == p) & (joint != e)] for p, e in zip(part, joint)]
     room = np.empty(2 * count)
+    places, share = _bump_samples(count, flank) if samples is None else samples
     load = np.array([max(len(f), 2 * len(m), 1) for f, m in zip(faces, neighbours)])
     order = np.argsort(-load, kind="stable")
     start = 0
     while start < len(order):
-        some = order[start : start + max(1, CHUNK // (len(_SAMPLES) * int(load[order[start]])))]
+        some = order[start : start + max(1, CHUNK // (len(share) * int(load[order[start]])))]
         obstacles = _Facing.of([faces[r] for r in some], [neighbours[r] for r in some], rectangles)
-        room[some] = _room(obstacles, rectangles, joint[some], travel[some], margins[joint[some]], lean, flank)
+        at = (places[joint[some]], share)
+        room[some] = _room(obstacles, rectangles, joint[some], travel[some], margins[joint[some]], lean, at)
         start += len(some)
     room = np.minimum(room, assembly.size)
     return -room[:count], room[count:]
@@ -168,20 +173,30 @@ def _to_rectangle(local: Array, sides: Array) -> Array:
     return np.asarray(np.sqrt((beside**2).sum(axis=-1) + local[..., 2] ** 2))
 
 
+def _bump_samples(count: int, flank: float) -> tuple[Array, Array]:
+    """Return where (count, S, 2) bumps with flanks of a width are asked for room, and how far up (S,) that is."""
+    stretch = 3.0 * flank  # the samples are those of flanks a third wide
+    at = np.select([_AT < 0.5, _AT > 0.5], [_AT * stretch, 1.0 - (1.0 - _AT) * stretch], 0.5)
+    return np.broadcast_to(at[_SAMPLES], (count, *_SAMPLES.shape)), _SHARE[_SAMPLES].prod(axis=1)
+
+
 def _room(
-    obstacles: _Facing, rectangles: Rectangles, own: IntArray, travel: Array, margin: Array, lean: float, flank: float
+    obstacles: _Facing,
+    rectangles: Rectangles,
+    own: IntArray,
+    travel: Array,
+    margin: Array,
+    lean: float,
+    samples: tuple[Array, Array],
 ) -> Array:
-    """Return (n,) how high the bumps of joints `own` may rise along `travel` (n, 3).
+    """Return (n,) how high the bumps of joints `own` may rise along `travel` (n, 3); `samples` as `_bump_samples`.
 
     Marches every sample by what its distances guarantee: distances change by at most 1 per metre, differences of
     two distances by at most 2, and a lean of the direction shifts a point at height t by t·lean.
     """
-    stretch = 3.0 * flank  # the samples are those of flanks a third wide
-    at = np.select([_AT < 0.5, _AT > 0.5], [_AT * stretch, 1.0 - (1.0 - _AT) * stretch], 0.5)
-    xy = at[_SAMPLES]
-    share = _SHARE[_SAMPLES].prod(axis=1)
+    xy, share = samples
     centre = rectangles.origin[own]
-    base = xy[:, :1] * rectangles.edge_x[own][:, None] + xy[:, 1:] * rectangles.edge_y[own][:, None]
+    base = xy[..., :1] * rectangles.edge_x[own][:, None] + xy[..., 1:] * rectangles.edge_y[own][:, None]
     origin = obstacles.corners[:, :1, 0]
     local = replace(obstacles, corners=obstacles.corners - origin[:, :, None], origin=obstacles.origin - origin)
     start = base + centre[:, None] - origin

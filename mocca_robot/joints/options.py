@@ -6,14 +6,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
+FURTHER = ("outline", "rib", "free", "several", "heights")
+"""Families of solid joints that are tried where plain bumps and frusta do not hold; the last one only where named: its
+many numbers make searches slow."""
+FLAT_KINDS, SOLID_KINDS = ("n", "z"), ("n", "frustum", *FURTHER)
+"""Families by the dimension of the parts."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class JointOptions:
     """Bounds and robustness of cone joints. Lengths in metres, angles in radians.
 
     Attributes:
-        kinds: families the designer may use. Flat parts know n- and z-type joints, solid ones n-type joints and frusta;
-            n-type ones are always allowed. No frusta with a smallest radius: their edges are sharp.
+        kinds: families the designer may use. Flat parts know n- and z-type joints, solid ones n-type joints, frusta and
+            the `families` of `mocca_robot.joints.families.known`; n-type ones are always allowed. Families with sharp
+            edges are left out where there is a smallest radius.
+        control_heights: along each side of joints of the family 'heights'.
+        profile: rows of control heights, as shares of the largest one, that take the place of plain bumps; empty: none.
         max_slope_rad: steepest angle between a joint's normal and the contact's; 70° keeps points blunt.
         min_radius: smallest radius of curvature; set it to the cutting tool's radius. 0 = no bound.
         margin: distance a joint keeps to the part's boundary and to other joints, as a share of its contact's
@@ -32,7 +41,9 @@ class JointOptions:
         friction_safety: factor on `friction`, at least 1.
     """
 
-    kinds: tuple[str, ...] = ("n", "z", "frustum")
+    kinds: tuple[str, ...] = ("n", "z", "frustum", *FURTHER[:-1])
+    control_heights: int = 4
+    profile: tuple[tuple[float, ...], ...] = ()
     max_slope_rad: float = float(np.deg2rad(70.0))
     min_radius: float = 0.0
     margin: float = 0.06
@@ -50,6 +61,11 @@ class JointOptions:
     def frusta(self) -> bool:
         """Return whether solid joints may be frusta."""
         return "frustum" in self.kinds and self.min_radius <= 0.0
+
+    @property
+    def plain(self) -> str:
+        """Return the family of solid joints that is tried first: bumps, or the user's own profile."""
+        return "drawn" if self.profile else "n"
 
     @property
     def tallest_frustum(self) -> float:

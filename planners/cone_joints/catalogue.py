@@ -50,7 +50,6 @@ def entries(problem: JointProblem, axis: Array, leans: Array | None = None) -> l
     """Return the catalogue with each shape leaned by each of `leans` (m, L), and where its constraints hold."""
     shapes, options = problem.shapes, problem.shapes.options
     outer = other_normals(problem)
-    low, top = (b[:, list(shapes.heights)] for b in shapes.bounds())
     found = []
     for tilt in np.zeros((1, shapes.n_lean)) if leans is None else leans:
         lean = np.tile(tilt, (len(shapes.pair_normal), 1))
@@ -64,6 +63,7 @@ def entries(problem: JointProblem, axis: Array, leans: Array | None = None) -> l
             good = shapes.can_curve & (steepest >= np.cos(options.max_slope_rad))
             good &= (family.violations(surface, rows) <= 0.0).all(axis=1)
             heights = rows[:, list(shapes.heights)]
+            low, top = (b[:, list(shapes.heights)] for b in family.bounds())
             good &= ((heights >= low) & (heights <= top)).all(axis=1)
             good &= assemblable(problem, axis, normals, outer)
             found.append(_Entry(kind=kind, row=row, lean=lean, points=points, normals=normals, allowed=good))
@@ -130,14 +130,15 @@ def fit(problem: JointProblem, required: Requirement, start: JointParameters) ->
 
 
 def select(
-    problem: JointProblem, start: JointParameters, cases: IntArray, passes: int = 6
+    problem: JointProblem, start: JointParameters, cases: IntArray, passes: int = 6, *, leaning: bool = True
 ) -> tuple[Shapes, JointParameters]:
     """Return one realisable shape per joint, chosen for all joints and the given load cases together.
 
-    Each pass solves Eq. 8 with a price on force through each shape, then makes little-used shapes dearer.
+    Each pass solves Eq. 8 with a price on force through each shape, then makes little-used shapes dearer. Of few joints
+    the catalogue has every shape leaning to all sides, too, unless `leaning` is false.
     """
     shapes, pairs = problem.shapes, problem.pairs
-    few = len(pairs) <= FEW_JOINTS
+    few = leaning and len(pairs) <= FEW_JOINTS
     leans = np.concatenate([np.zeros((1, shapes.n_lean)), *(s * 0.4 * np.eye(shapes.n_lean) for s in (1, -1) if few)])
     catalogue = entries(problem, start.axis, leans)
     rest = shapes.surface(np.tile(shapes.rest, (len(pairs), 1)), shapes.directions(start.lean))

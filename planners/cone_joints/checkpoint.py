@@ -23,7 +23,7 @@ from planners.cone_joints.realization import Polished, Polishing
 from planners.cone_joints.search import SearchState, Stage
 from planners.cone_joints.unknowns import JointParameters
 
-METHOD = 2
+METHOD = 3
 """Raise it when designing takes another course: states kept from before are not gone on with then."""
 SAVE_EVERY = 5.0
 """Seconds between two saves; a design that takes less leaves no file."""
@@ -96,6 +96,8 @@ def _data(state: SearchState) -> dict[str, Any]:
         "polishing": None if state.polishing is None else _polishing_data(state.polishing),
         "best_attempt": state.best_attempt,
         "best": None if state.best is None else _polished_data(state.best),
+        "plain_attempt": state.plain_attempt,
+        "plain": None if state.plain is None else _polished_data(state.plain),
     }
 
 
@@ -129,13 +131,15 @@ def _parameters_data(parameters: JointParameters) -> dict[str, Any]:
 
 
 def _state(data: dict[str, Any]) -> SearchState:
-    polishing, best = data["polishing"], data["best"]
+    polishing, best, plain = data["polishing"], data["best"], data["plain"]
     return SearchState(
-        Stage(data["stage"]),
-        int(data["attempt"]),
-        None if polishing is None else _polishing(polishing),
-        int(data["best_attempt"]),
-        None if best is None else _polished(best),
+        stage=Stage(data["stage"]),
+        attempt=int(data["attempt"]),
+        polishing=None if polishing is None else _polishing(polishing),
+        best_attempt=int(data["best_attempt"]),
+        best=None if best is None else _polished(best),
+        plain_attempt=int(data["plain_attempt"]),
+        plain=None if plain is None else _polished(plain),
     )
 
 

@@ -193,7 +193,24 @@ def joint_shapes(graph: PartsGraph, options: JointOptions, axis: Array) -> Shape
     """Return the parametrised joints over all contacts, for parts that leave along `axis` (N, d)."""
     if graph.assembly.dimension == 2:
         return Shapes2D.of(graph.assembly, graph.contacts, options)
-    return Shapes3D.of(graph.assembly, graph.contacts, options, axis)
+    shapes = Shapes3D.of(graph.assembly, graph.contacts, options, axis)
+    _require_cells(shapes)
+    return shapes
+
+
+def _require_cells(shapes: Shapes3D) -> None:
+    """Raise InputError when not even the largest contact has cells that the tool can cut."""
+    options, radius = shapes.options, shapes.options.min_radius
+    if "heights" not in options.kinds or options.control_heights == JointOptions().control_heights:
+        return
+    widest = float(shapes.lengths[shapes.can_curve].max(initial=0.0))
+    if widest < 2.0 * radius * (options.control_heights + 1):
+        cell = widest / (options.control_heights + 1)
+        raise InputError(
+            f"joints.control_heights is {options.control_heights}, which leaves cells of {cell * 1e3:.3g} mm on the "
+            f"largest contact; a tool of joints.min_radius {radius * 1e3:.3g} mm cuts {2e3 * radius:.3g} mm or more. "
+            "Lower either, or leave 'heights' out of joints.kinds."
+        )
 
 
 def margin_cases(assembly: Assembly, required: Sequence[LoadCase], tilt_rad: float) -> tuple[LoadCase, ...]:

@@ -14,6 +14,7 @@ from planners.cone_joints.catalogue import fit, select
 from planners.cone_joints.descent import evaluate
 from planners.cone_joints.kinematic import required_wrenches
 from planners.cone_joints.realization import Polished, Polishing, polish
+from planners.cone_joints.richer import beginnings, chosen_among_all, refinements
 from planners.cone_joints.rubbing import pushes, repeated
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.thinning import thin
@@ -38,11 +39,23 @@ class Attempt(StrEnum):
     UNIFORM_Z = "uniform z"
     UNIFORM_FRUSTUM = "uniform frustum"
     ALL = "all joints"
+    MIXED = "mixed joints"
+    FREE = "more heights"
+    BEGUN = "richer joints"
 
     @property
     def early(self) -> bool:
         """Return whether another attempt follows when only the tilt margin is missed."""
         return self in (Attempt.SIMILAR, Attempt.FEW, Attempt.SELECTED)
+
+    @property
+    def refining(self) -> bool:
+        """Return whether it goes on from the best joints so far, so that it is worth trying for the tilt margin too."""
+        return self is Attempt.FREE
+
+
+RICHER = 100
+"""The number of the first attempt with richer families: states that are gone on with name attempts by number."""
 
 
 class Stage(StrEnum):
@@ -53,15 +66,16 @@ class Stage(StrEnum):
     FINISHED = "finished"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class SearchState:
     """Where a search stands: enough to go on from there, with the same outcome as if it had never stopped.
 
     Attributes:
         stage: attempts being polished, curved joints being made planar again, or all done.
-        attempt: number of the attempt under way, from 0.
+        attempt: number of the attempt under way: from 0, with richer families from `RICHER`.
         polishing: where its polishing stands; None before its first step.
         best_attempt, best: the attempt that came nearest of those finished, and where it ended.
+        plain_attempt, plain: the same among plain families, once richer ones go on from there.
     """
 
     stage: Stage = Stage.POLISHING
@@ -69,6 +83,8 @@ class SearchState:
     polishing: Polishing | None = None
     best_attempt: int = 0
     best: Polished | None = None
+    plain_attempt: int = 0
+    plain: Polished | None = None
 
 
 Keep = Callable[[SearchState], None]
@@ -111,9 +127,19 @@ def search(
     tried first, and of large assemblies, or with `alone`, nothing else.
     """
     trail = _Trail(resume or SearchState(), progress, keep)
-    families: list[Shapes] = []
+    families: dict[int, Shapes] = {}
     try:
-        best = _polish_in_turn(problem, _attempts(problem, start, near, alone), trail, families)
+        attempts = enumerate(_attempts(problem, start, near, alone))
+        if not _tried(problem, attempts, trail, families):
+            plain = trail.state.plain or trail.state.best
+            many = len(problem.pairs) > MANY_JOINTS
+            solved = plain is not None and _rank(problem, plain)[0] <= 1.0
+            if not (solved and many):  # the margin of a large assembly is not worth it
+                alone = alone or solved or (many and near is not None)
+                further = _richer(problem, start, trail, families, alone=alone)
+                _tried(problem, enumerate(further, RICHER), trail, families)
+        assert trail.state.best is not None
+        best = trail.state.best
         few = len(problem.loads.gravity) <= FEW_CASES and len(problem.pairs) > MANY_JOINTS
         if trail.state.stage is not Stage.FINISHED and few and _rank(problem, best)[0] <= 1.0:
             trail.doing = "fewer joints"
@@ -150,19 +176,23 @@ class _Trail:
         self.reach(replace(self.state, stage=Stage.THINNING, best=polished))
 
 
-def _polish_in_turn(
+def _tried(
     problem: JointProblem,
-    attempts: Iterator[tuple[Attempt, Shapes, JointParameters]],
+    attempts: Iterator[tuple[int, tuple[Attempt, Shapes, JointParameters]]],
     trail: _Trail,
-    families: list[Shapes],
-) -> Polished:
-    """Return the best attempt, polished; `families` receives the shapes of every attempt that was begun."""
-    for number, (label, shapes, first) in enumerate(attempts):
-        families.append(shapes)
+    families: dict[int, Shapes],
+) -> bool:
+    """Return whether one of the numbered attempts, polished, solves everything; `trail` then knows the best.
+
+    The first one that solves all but the tilt margin ends the trying as well, unless it is an early one. `families`
+    receives the shapes of every attempt that was begun.
+    """
+    for number, (label, shapes, first) in attempts:
+        families[number] = shapes
         state = trail.state
         if state.stage is not Stage.POLISHING and state.best is not None:  # an earlier run has got further
             if number == state.best_attempt:
-                break
+                return True
             continue
         if number < state.attempt:
             continue
@@ -173,22 +203,24 @@ def _polish_in_turn(
         if state.best is None or rank < _rank(problem, state.best):
             state = replace(state, best_attempt=number, best=polished)
         # The tilt margin is a wish: it is worth a second attempt, not all of them.
-        enough = rank[0] <= 1.0 and (rank[1] <= MARGIN_SOLVED or not label.early)
-        stage = Stage.THINNING if enough else Stage.POLISHING
+        solved, margin = rank[0] <= 1.0, rank[1] <= MARGIN_SOLVED
+        enough = solved and (margin or not label.early)
+        stage = Stage.THINNING if enough and margin else Stage.POLISHING
         trail.reach(replace(state, stage=stage, attempt=number + 1, polishing=None))
         if enough:
-            break
-    assert trail.state.best is not None
-    return trail.state.best
+            return margin
+    return False
 
 
-def _nearest(problem: JointProblem, start: JointParameters, families: list[Shapes], state: SearchState) -> FoundJoints:
+def _nearest(
+    problem: JointProblem, start: JointParameters, families: dict[int, Shapes], state: SearchState
+) -> FoundJoints:
     """Return the joints that an interrupted search came nearest with: a finished attempt's, or the current one's."""
     found: list[tuple[int, Polished]] = []
     # Families are missing when a search that went on from an earlier one ends before it has found its place again.
-    if state.best is not None and state.best_attempt < len(families):
+    if state.best is not None and state.best_attempt in families:
         found.append((state.best_attempt, state.best))
-    if state.polishing is not None and state.attempt < len(families):
+    if state.polishing is not None and state.attempt in families:
         attempt = replace(problem, shapes=families[state.attempt])
         found.append((state.attempt, polish(attempt, state.polishing.reached, evaluations=0)))
     if not found:
@@ -248,6 +280,32 @@ def _attempts(
     yield from uniform
     resting = np.where(first.curved[:, None], first.shape, shapes.rest)
     yield Attempt.ALL, fitted, JointParameters(resting, first.lean, first.axis, every)
+
+
+def _richer(
+    problem: JointProblem, start: JointParameters, trail: _Trail, families: dict[int, Shapes], *, alone: bool
+) -> Iterator[tuple[Attempt, Shapes, JointParameters]]:
+    """Yield starting points with richer families: first from the nearest plain joints, with more heights.
+
+    With `alone` nothing else follows. Then shapes chosen among all families together, where joints are few, and at last
+    one family on all contacts.
+    """
+    state = trail.state
+    if state.plain is None:
+        state = replace(state, plain_attempt=state.best_attempt, plain=state.best)
+        trail.reach(state)
+    assert state.plain is not None
+    for _, shapes, first in refinements(families[state.plain_attempt], state.plain.parameters):
+        yield Attempt.FREE, shapes, first
+    if alone:
+        return
+    if len(problem.pairs) <= MANY_JOINTS:
+        hardest = np.sort(np.argsort(-evaluate(problem, start).infeasibility)[:8])
+        mixed = chosen_among_all(problem, start, hardest)
+        if mixed is not None:
+            yield Attempt.MIXED, *mixed
+    for _, shapes, first in beginnings(problem, start):
+        yield Attempt.BEGUN, shapes, first
 
 
 def _telling_cases(problem: JointProblem) -> list[int]:

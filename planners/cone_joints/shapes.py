@@ -106,6 +106,21 @@ class Shapes(Protocol):
     def uniform_bumps(self) -> list[tuple[Any, Array]]:
         """Return (kind, shapes (E, S)) with the same bump everywhere, starting points where nothing else serves."""
 
+    def further(self) -> tuple[str, ...]:
+        """Return the families beyond those that `uniform_bumps` starts from, fewest numbers first; () without any."""
+
+    def refined(self, family: str, shape: Array) -> tuple[Shapes, Array] | None:
+        """Return the same joints in a richer family, and their rows there: the same surfaces or the nearest to them.
+
+        None where the family cannot take the place of these joints.
+        """
+
+    def begun(self, family: str) -> Sequence[tuple[Shapes, Array]]:
+        """Return joints of a richer family on all contacts to start from, and their rows."""
+
+    def mixed(self) -> Shapes:
+        """Return the same joints, to be chosen from a catalogue of all families."""
+
     def with_kinds(self, kinds: Sequence[Any]) -> Shapes:
         """Return the same joints with other families."""
 

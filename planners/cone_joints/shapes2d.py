@@ -224,6 +224,21 @@ class Shapes2D:
                     bumps.append((kind, turned_within(rows, self.heights, *self.bounds())))
         return bumps
 
+    def further(self) -> tuple[str, ...]:
+        """Return no families beyond n and z."""
+        return ()
+
+    def refined(self, family: str, shape: Array) -> None:
+        """Return None: there are no richer families."""
+
+    def begun(self, family: str) -> list[tuple[Shapes2D, Array]]:
+        """Return nothing to start from."""
+        return []
+
+    def mixed(self) -> Shapes2D:
+        """Return these joints: their catalogue has all families."""
+        return self
+
     def with_kinds(self, kinds: Sequence[SplineKind]) -> Shapes2D:
         """Return the same joints with other families."""
         return replace(self, kinds=tuple(kinds))

@@ -1,8 +1,8 @@
-"""Solid joints as numbers: all bicubic joints and frusta of an assembly evaluated at once, for the optimiser.
+"""Solid joints as numbers: all joints of an assembly evaluated at once, whatever their families, for the optimiser.
 
-Two numbers per joint. The first is its height as a share of the shorter side of the rectangle it stands on. The second
-is the share of that rectangle's sides that a bicubic bump covers (a smaller one of the same height is steeper), or that
-the top of a frustum does, which covers the whole rectangle. Two leans per pair.
+One row of numbers per joint (see `mocca_robot.joints.families.family`): a height as a share of the shorter side of the
+rectangle it stands on, the share of that rectangle's sides that is covered, and, where families have them, further
+heights. Two leans per pair.
 """
 
 from __future__ import annotations
@@ -18,40 +18,38 @@ from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.frames import tangents
-from mocca_robot.joints.bicubic import (
-    FLANK_SEGMENTS,
-    BumpPattern,
-    Rectangle,
-    Rectangles,
-    bicubic_joint,
-    bump_pattern,
-    largest_rectangle,
-)
-from mocca_robot.joints.clearance import height_limits
-from mocca_robot.joints.frustum import LEAST_FLANK, WIDEST_FLANK, frustum_joint, ramp, with_flanks
+from mocca_robot.joints.families.family import Family
+from mocca_robot.joints.families.frusta import FIRST_TOP
+from mocca_robot.joints.families.heights import Heights
+from mocca_robot.joints.families.known import family_named, further_families
+from mocca_robot.joints.families.sites import JointSites
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.tolerances import EXACT, PLANE, ROUNDING, TINY
+from planners.cone_joints.bump_room import BumpRoom
 from planners.cone_joints.kinematic import fan
 
-LOWEST = 1e-3
-"""Height, as a share of the contact's length, below which a bump is not worth making."""
-SMALLEST_SIDE = 1e-3
-"""Of a rectangle that stands for a contact without room, as a share of the contact's length."""
-
-SMALLEST = 0.4
-"""Smallest bump, as a share of its rectangle's sides."""
-SMALLEST_TOP, LARGEST_TOP = 1.0 - 2.0 * WIDEST_FLANK, 1.0 - 2.0 * LEAST_FLANK
-"""The top of a frustum, as a share of its rectangle's sides."""
-FIRST_TOP = 0.35
-"""Of a frustum that a search starts from."""
 TOWARDS_EXIT = float(np.deg2rad(35.0))
 """Largest angle between a pair's reference direction and its contact's normal."""
 NEAR_EXIT = float(np.deg2rad(40.0))
 """Angle to the way out that a reference direction need not come below: bumps that lean more than they must are
 steep on one side only, and a shell tilted to all sides needs both."""
-LEAN_IN_REACH = 0.2
-"""Further lean of u (as |u' − u|, 11°) for which the reach of bumps is computed."""
+LOWEST = 1e-3
+"""Height, as a share of the contact's length, below which a bump is not worth making."""
+PLAIN = 2
+"""Numbers in a row of a joint with one height."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """The joints of one family: their indices; None stands for all joints."""
+
+    family: Family
+    index: IntArray | None
+
+    def of(self, values: Array) -> Array:
+        """Return the group's rows of `values`."""
+        return values if self.index is None else values[self.index]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,10 +60,12 @@ class Shapes3D:
         contacts: one per joint.
         pair: (E,) index of each joint's pair; joints of one pair share u.
         pair_normal: (Q, 3) unit reference direction of each pair; u leans from it.
-        rectangles: where the bumps stand; a stand-in on contacts without room for one.
-        can_curve: (E,) which contacts have such a rectangle.
+        sites: where the joints stand.
+        can_curve: (E,) which contacts have room for one.
         kinds: family of each joint.
-        room: how much of it bumps have.
+        numbers: in every row; those that a joint's family does not have stay zero.
+        families: to choose from in a catalogue.
+        room: how much of it joints have.
         limits: (E, 2) lowest and highest bump, m, that is wanted besides; infinite where nothing is.
         corners: (E, P, 3) corners of the contacts, padded by repeating the last one.
     """
@@ -74,10 +74,11 @@ class Shapes3D:
     contacts: tuple[Contact, ...]
     pair: IntArray
     pair_normal: Array
-    rectangles: Rectangles
-    single: tuple[Rectangle | None, ...]
+    sites: JointSites
     can_curve: BoolArray
     kinds: tuple[str, ...]
+    numbers: int = PLAIN
+    families: tuple[str, ...]
     room: BumpRoom
     limits: Array
     corners: Array
@@ -85,12 +86,10 @@ class Shapes3D:
 
     n_lean: ClassVar[int] = 2
     steepest_lean: ClassVar[float] = 0.45
-    rest_kind: ClassVar[str] = "n"
-    heights: ClassVar[tuple[int, ...]] = (0,)
 
     @classmethod
     def of(cls, assembly: Assembly, contacts: Sequence[Contact], options: JointOptions, axis: Array) -> Shapes3D:
-        """Return the bicubic joints over `contacts`; `axis` (N, 3) is the direction in which each part leaves.
+        """Return the joints over `contacts`; `axis` (N, 3) is the direction in which each part leaves.
 
         A height field along the way out never blocks it, so u leans from the contact's normal towards it until
         it is within `NEAR_EXIT`, as far as `TOWARDS_EXIT` allows.
@@ -106,10 +105,9 @@ class Shapes3D:
             normal = normals[q] / norm if norm > EXACT else first[p]
             normals[q] = _towards(normal, axis[p[1]], TOWARDS_EXIT)
         pair = np.array([index[c.parts] for c in contacts])
-        single = tuple(_rectangle(c, options) for c in contacts)
+        sites = JointSites.of(contacts, options)
         upright = np.array([float(c.normal @ normals[q]) > 0.4 for c, q in zip(contacts, pair)])
-        can_curve = np.array([r is not None for r in single]) & upright
-        rectangles = Rectangles.of([r if r is not None else _stand_in(c) for r, c in zip(single, contacts)])
+        can_curve = np.array([s is not None for s in sites.single]) & upright
         most = max(len(c.polygon) for c in contacts)
         corners = np.array([c.polygon[np.minimum(np.arange(most), len(c.polygon) - 1)] for c in contacts])
         return cls(
@@ -117,14 +115,14 @@ class Shapes3D:
             contacts=tuple(contacts),
             pair=pair,
             pair_normal=read_only(normals),
-            rectangles=rectangles,
-            single=single,
+            sites=sites,
             can_curve=read_only(can_curve, np.bool_),
-            kinds=(cls.rest_kind,) * len(contacts),
+            kinds=(options.plain,) * len(contacts),
+            families=(options.plain,),
             room=BumpRoom(
                 assembly=assembly,
                 contacts=tuple(contacts),
-                single=single,
+                sites=sites,
                 can_curve=can_curve,
                 u=normals[pair],
                 options=options,
@@ -137,7 +135,19 @@ class Shapes3D:
     @property
     def rest(self) -> Array:
         """Return the row of `shape` of a planar joint."""
-        return np.array([0.0, 1.0])
+        row = np.zeros(self.numbers)
+        row[1] = 1.0
+        return row
+
+    @property
+    def rest_kind(self) -> str:
+        """Return the family that planar joints are listed under."""
+        return self.options.plain
+
+    @property
+    def heights(self) -> tuple[int, ...]:
+        """Return the columns of a row that are heights; all zero = planar."""
+        return (0, *range(PLAIN, self.numbers))
 
     @cached_property
     def normals(self) -> Array:
@@ -147,70 +157,64 @@ class Shapes3D:
     @cached_property
     def centres(self) -> Array:
         """Return (E, 3) middles of the rectangles."""
-        r = self.rectangles
+        r = self.sites.rectangles
         return read_only(r.origin + 0.5 * (r.edge_x + r.edge_y))
 
-    @cached_property
+    @property
     def lengths(self) -> Array:
         """Return (E,) shorter sides of the rectangles, m."""
-        return read_only(np.linalg.norm(self.rectangles.edge_y, axis=1))
+        return self.sites.lengths
 
     @cached_property
-    def frusta(self) -> BoolArray:
-        """Return (E,) which joints are frusta; the others are bicubic bumps."""
-        return read_only([kind == "frustum" for kind in self.kinds], np.bool_)
+    def groups(self) -> tuple[_Group, ...]:
+        """Return the joints by family."""
+        names = list(dict.fromkeys(self.kinds))
+        families = [family_named(name, self.options) for name in names]
+        if len(names) == 1:
+            return (_Group(families[0], None),)
+        kinds = np.array(self.kinds)
+        return tuple(_Group(f, np.flatnonzero(kinds == name)) for f, name in zip(families, names))
+
+    @cached_property
+    def sharp(self) -> BoolArray:
+        """Return (E,) which joints are of families with edges."""
+        return read_only([family_named(kind, self.options).sharp for kind in self.kinds], np.bool_)
 
     @cached_property
     def reach(self) -> Array:
         """Return (E, 2) lowest and highest bump, m, that stays clear of boundaries and other joints, and is wanted."""
-        room = self.room.curved
-        if self.frusta.any():
-            room = np.where(self.frusta[:, None], self.room.straight, room)
+        room = np.empty((len(self.kinds), 2))
+        for group in self.groups:
+            room[slice(None) if group.index is None else group.index] = group.of(self.room.of(group.family))
         return np.stack([np.maximum(room[:, 0], self.limits[:, 0]), np.minimum(room[:, 1], self.limits[:, 1])], axis=1)
 
-    @property
-    def _segments(self) -> int:
-        """Straight pieces per flank: one makes a truncated pyramid, which saws and wires can cut."""
-        return 1 if self.options.piecewise_planar else FLANK_SEGMENTS
-
     @cached_property
-    def _pattern(self) -> BumpPattern:
-        return bump_pattern(self._segments, "n")
-
-    @cached_property
-    def _telling(self) -> IntArray:
-        """Triangles that represent a patch while designing: those on the steepest strips of its flanks.
-
-        A subset of the normals spans a smaller cone, so what holds with them holds with all (Theorem 3.2).
+    def _tables(self) -> tuple[IntArray, IntArray, IntArray, BoolArray]:
+        """Return for joints of several families their triangles (E, T, 3), telling ones (E, A, 3), where these are
+        asked (E, A, 3), and which of the triangles count (E, T); shorter lists are padded by repeating them.
         """
-        corners = self._pattern.xy[self._pattern.triangles].mean(axis=1)
-        strip = np.minimum(corners, 1.0 - corners) * 3.0 * self._segments
-        if self._segments == 1:  # every flank is one plane
-            return np.asarray(np.flatnonzero((strip < 1.0).any(axis=1)))
-        steep = (strip > 1.0) & (strip < FLANK_SEGMENTS - 1.0)
-        inner = strip > 1.0
-        return np.asarray(np.flatnonzero((steep[:, 0] & inner[:, 1]) | (steep[:, 1] & inner[:, 0])))
-
-    @cached_property
-    def _asked(self) -> tuple[IntArray, IntArray]:
-        """Return triangles (E, R), and (E, R, 3) vertices whose mean is a point on each: what stands for the patches.
-
-        Of frusta all corners of all flanks; of bicubic bumps the middles of the telling triangles.
-        """
-        bump = self._pattern.triangles[self._telling]
-        flank, corner = _flank_corners(self._pattern)
-        most = max(len(bump), len(flank))
-        telling, flank = np.resize(self._telling, most), np.resize(flank, most)
-        points = np.stack([np.resize(bump, (most, 3)), np.repeat(np.resize(corner, most)[:, None], 3, axis=1)])
-        kind = self.frusta.astype(np.int64)
-        return np.stack([telling, flank])[kind], points[kind]
+        patches = [g.family.patch for g in self.groups]
+        most, asked = max(len(p.triangles) for p in patches), max(len(p.telling) for p in patches)
+        count = len(self.kinds)
+        triangles, telling, at = (np.empty((count, n, 3), dtype=np.int64) for n in (most, asked, asked))
+        real = np.zeros((count, most), dtype=np.bool_)
+        for group, patch in zip(self.groups, patches):
+            triangles[group.index] = np.resize(patch.triangles, (most, 3))
+            telling[group.index] = np.resize(patch.triangles[patch.telling], (asked, 3))
+            at[group.index] = np.resize(patch.at, (asked, 3))
+            real[group.index, : len(patch.triangles)] = True
+        return triangles, telling, at, real
 
     def bounds(self) -> tuple[Array, Array]:
-        """Return lower and upper bounds (E, 2): no bump leaves its room."""
-        high = np.where(self.frusta, self.options.tallest_frustum, self.options.max_height)
-        least, most = np.where(self.frusta, SMALLEST_TOP, SMALLEST), np.where(self.frusta, LARGEST_TOP, 1.0)
-        low = np.stack([np.maximum(self.reach[:, 0] / self.lengths, -high), least], axis=1)
-        top = np.stack([np.minimum(self.reach[:, 1] / self.lengths, high), most], axis=1)
+        """Return lower and upper bounds (E, S): no bump leaves its room."""
+        low, top = np.zeros((2, len(self.kinds), self.numbers))
+        for group in self.groups:
+            mine = slice(None) if group.index is None else group.index
+            high = group.family.tallest(self.options)
+            for column in group.family.heights:
+                low[mine, column] = np.maximum(self.reach[mine, 0] / self.lengths[mine], -high)
+                top[mine, column] = np.minimum(self.reach[mine, 1] / self.lengths[mine], high)
+            low[mine, 1], top[mine, 1] = group.family.sizes
         return low, top
 
     def directions(self, lean: Array) -> Array:
@@ -221,76 +225,95 @@ class Shapes3D:
         return np.asarray((u / np.linalg.norm(u, axis=1)[:, None])[self.pair])
 
     def surface(self, shape: Array, u: Array) -> Array:
-        """Return (E, K + P, 3): vertices of the patches of shapes (E, 2) and directions (E, 3), then corners."""
-        r = self.rectangles
-        xy = 0.5 + shape[:, 1, None, None] * (self._pattern.xy - 0.5)
-        share = np.broadcast_to(self._pattern.share, xy.shape[:2])
-        if self.frusta.any():
-            xy = np.where(self.frusta[:, None, None], with_flanks(self._pattern.xy, 0.5 - 0.5 * shape[:, 1]), xy)
-            share = np.where(self.frusta[:, None], ramp(self._pattern.xy), share)
-        rise = (shape[:, 0] * self.lengths)[:, None] * u
-        patch = (
+        """Return (E, K + P, 3): vertices of the patches of shapes (E, S) and directions (E, 3), then corners."""
+        if len(self.groups) == 1:
+            return np.concatenate([self._patch(self.groups[0], shape, u), self.corners], axis=1)
+        patches = [self._patch(g, shape, u) for g in self.groups]
+        most = max(p.shape[1] for p in patches)
+        surface = np.empty((len(self.kinds), most, 3))
+        for group, patch in zip(self.groups, patches):
+            surface[group.index, : patch.shape[1]] = patch
+            surface[group.index, patch.shape[1] :] = patch[:, :1]
+        return np.concatenate([surface, self.corners], axis=1)
+
+    def _patch(self, group: _Group, shape: Array, u: Array) -> Array:
+        """Return the vertices (E', K, 3) of a group's patches."""
+        sites = self.sites if group.index is None else self._sites_of(group)
+        rows, r = group.of(shape), sites.rectangles
+        xy = group.family.positions(sites, rows)
+        share, scale = group.family.rise(rows)
+        share = np.broadcast_to(share, xy.shape[:2])
+        rise = (scale * sites.lengths)[:, None] * group.of(u)
+        return np.asarray(
             r.origin[:, None]
             + xy[..., :1] * r.edge_x[:, None]
             + xy[..., 1:] * r.edge_y[:, None]
             + share[..., None] * rise[:, None]
         )
-        return np.concatenate([patch, self.corners], axis=1)
+
+    def _sites_of(self, group: _Group) -> JointSites:
+        return self._part_sites[group.family.name]
+
+    @cached_property
+    def _part_sites(self) -> dict[str, JointSites]:
+        return {g.family.name: self.sites.only(g.index) for g in self.groups if g.index is not None}
 
     def rays(self, surface: Array) -> tuple[Array, Array]:
         """Return contact points and normals (E, R, 3): those that tell of the patches, and corners of the contact."""
         rim, flat = self._rim(surface)
-        if self.frusta.any():
-            triangles, vertices = self._asked
+        if len(self.groups) == 1:
+            patch = self.groups[0].family.patch
+            corners = surface[:, patch.triangles[patch.telling]]
+            asked = corners if patch.asked_at_middles else surface[:, patch.at]
+        else:
+            _, telling, at, _ = self._tables
             joint = np.arange(len(surface))[:, None, None]
-            normals = self._normals(surface[joint, self._pattern.triangles[triangles]])
-            points = surface[joint, vertices].mean(axis=2)
-            return np.concatenate([points, rim], axis=1), np.concatenate([normals, flat], axis=1)
-        corners, normals = self._facets(surface, self._pattern.triangles[self._telling])
-        return np.concatenate([corners.mean(axis=2), rim], axis=1), np.concatenate([normals, flat], axis=1)
+            corners, asked = surface[joint, telling], surface[joint, at]
+        normals = _facet_normals(corners)
+        return np.concatenate([asked.mean(axis=2), rim], axis=1), np.concatenate([normals, flat], axis=1)
 
     def all_rays(self, surface: Array) -> tuple[Array, Array]:
         """Return contact points and normals (E, R, 3): every corner of every triangle, corners of the contact."""
-        corners, normals = self._facets(surface, self._pattern.triangles)
+        corners = self._triangles(surface)
+        normals = _facet_normals(corners)
         rim, flat = self._rim(surface)
         points = corners.reshape(len(corners), -1, 3)
         return np.concatenate([points, rim], axis=1), np.concatenate([np.repeat(normals, 3, axis=1), flat], axis=1)
 
-    def _facets(self, surface: Array, triangles: IntArray) -> tuple[Array, Array]:
-        """Return corners (E, T, 3, 3) and unit normals (E, T, 3) of triangles of the patches."""
-        corners = surface[:, triangles]
-        return corners, self._normals(corners)
-
-    @staticmethod
-    def _normals(corners: Array) -> Array:
-        """Return unit normals (E, T, 3) of triangles (E, T, 3, 3)."""
-        normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
-        return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=2), TINY)[..., None])
+    def _triangles(self, surface: Array) -> Array:
+        """Return the corners (E, T, 3, 3) of all triangles of the patches."""
+        if len(self.groups) == 1:
+            return np.asarray(surface[:, self.groups[0].family.patch.triangles])
+        return np.asarray(surface[np.arange(len(surface))[:, None, None], self._tables[0]])
 
     def _rim(self, surface: Array) -> tuple[Array, Array]:
-        rim = surface[:, len(self._pattern.xy) :]
+        rim = surface[:, surface.shape[1] - self.corners.shape[1] :]
         return rim, np.broadcast_to(self.normals[:, None], rim.shape)
 
     def transferred(self, surface: Array) -> tuple[Array, Array]:
         """Return volume (E,) and first moment (E, 3) that each patch moves from P_j to P_i."""
-        origin = self.rectangles.origin
-        a, b, c = (surface[:, self._pattern.triangles[:, k]] - origin[:, None] for k in range(3))
+        origin = self.sites.rectangles.origin
+        corners = self._triangles(surface)
+        a, b, c = (corners[:, :, k] - origin[:, None] for k in range(3))
         six_v = np.einsum("etd,etd->et", a, np.cross(b, c))
+        if len(self.groups) > 1:
+            six_v = np.where(self._tables[3], six_v, 0.0)
         volume = six_v.sum(axis=1) / 6.0
         first = np.einsum("et,etd->ed", six_v, a + b + c) / 24.0
         return volume, first + volume[:, None] * origin
 
     def violations(self, surface: Array, shape: Array) -> Array:
         """Return (E, 3) by how much height leaves its reach, and the radius its bound, in rectangle sides."""
-        height = shape[:, 0]
+        heights = shape[:, list(self.heights)]
         low, high = self.reach[:, 0] / self.lengths, self.reach[:, 1] / self.lengths
-        # Tightest at the knots: width² / (6 rise), with flanks a third of the shorter side wide.
-        flank = shape[:, 1] / 3.0
-        missing = self.options.min_radius / self.lengths - flank**2 / (6.0 * np.maximum(np.abs(height), ROUNDING))
+        radius = np.empty(len(shape))
+        for group in self.groups:
+            radius[slice(None) if group.index is None else group.index] = group.family.radius(group.of(shape))
+        missing = self.options.min_radius / self.lengths - radius
         if self.options.piecewise_planar:  # planes have no radius
             missing = np.full_like(missing, -1.0)
-        missing = np.where(self.frusta, -1.0, missing)
-        return np.stack([low - height, height - high, np.where(np.abs(height) > PLANE, missing, -1.0)], axis=1)
+        missing = np.where(self.sharp | (np.abs(heights).max(axis=1) <= PLANE), -1.0, missing)
+        return np.stack([low - heights.min(axis=1), heights.max(axis=1) - high, missing], axis=1)
 
     def candidate_rays(self) -> tuple[Array, Array, Array]:
         """Return points, normals (E, R, 3) and prices (E, R) of forces that joints could transmit.
@@ -298,7 +321,7 @@ class Shapes3D:
         The planar contact's own at its corners cost nothing; leaning ones stand where flanks can be and cost the
         tangent of their slope.
         """
-        r, count = self.rectangles, len(self.contacts)
+        r, count = self.sites.rectangles, len(self.contacts)
         points, normals, prices = [self.corners], [np.broadcast_to(self.normals[:, None], self.corners.shape)], []
         prices.append(np.zeros(self.corners.shape[:2]))
         for slope in (np.deg2rad(20.0), np.deg2rad(40.0)):
@@ -313,26 +336,73 @@ class Shapes3D:
         return np.concatenate(points, 1), np.concatenate(normals, 1), np.concatenate(prices, 1)
 
     def catalogue(self, kinds: Sequence[str]) -> list[tuple[str, Array]]:
-        """Return realisable shapes, shallow to sharp: heights of either sign."""
-        bumps = ((0.06, 1.0), (0.12, 1.0), (0.2, 1.0), (0.3, 1.0), (0.4, 1.0), (0.15, 0.6), (0.24, 0.6))
-        allowed = [(h, size) for h, size in bumps if h <= self.options.max_height]
-        return [("n", np.array([sign * h, size])) for h, size in allowed for sign in (1.0, -1.0)]
+        """Return realisable shapes, shallow to sharp: plain bumps, and those of all `families` of richer joints."""
+        return [
+            (name, self._padded(row))
+            for name in self.families
+            for row in family_named(name, self.options).catalogue(self.options)
+        ]
+
+    def _padded(self, rows: Array) -> Array:
+        """Return rows (…, m) with zeros for the numbers that they lack."""
+        missing = self.numbers - rows.shape[-1]
+        return np.concatenate([rows, np.zeros((*rows.shape[:-1], missing))], axis=-1) if missing else rows
 
     def uniform_bumps(self) -> list[tuple[str, Array]]:
-        """Return shapes (E, 2) with the same small steep bump everywhere, as high as each joint's room allows."""
+        """Return shapes (E, S) with the same small steep bump everywhere, as high as each joint's room allows."""
         low, high = self.reach[:, 0] / self.lengths, self.reach[:, 1] / self.lengths
         size = np.full(len(low), 0.6)
-        bumps = [("n", np.stack([np.clip(h, low, high), size], axis=1)) for h in (-0.2, 0.2)]
+        bumps = [(self.options.plain, np.stack([np.clip(h, low, high), size], axis=1)) for h in (-0.2, 0.2)]
         if self.options.frusta:
-            bumps += [("frustum", self._frusta_to_the_roomier_side(share)) for share in (0.6, 1.0)]
-        return bumps
+            bumps += [("frustum", self.to_the_roomier_side("frustum", share)) for share in (0.6, 1.0)]
+        return [(name, self._padded(rows)) for name, rows in bumps]
 
-    def _frusta_to_the_roomier_side(self, share: float) -> Array:
-        """Return shapes (E, 2): frusta into the part that has more room, a share as high as room and slope allow."""
-        low, top = (bound[:, 0] for bound in self.with_kinds(["frustum"] * len(self.pair)).bounds())
+    def to_the_roomier_side(self, name: str, share: float) -> Array:
+        """Return shapes (E, 2): joints with a flat top into the part that has more room, a share as high as room and
+        slope allow.
+        """
+        low, top = (bound[:, 0] for bound in self.with_kinds([name] * len(self.pair)).bounds())
         highest = share * 0.5 * (1.0 - FIRST_TOP) * np.tan(self.options.max_slope_rad)
         height = np.where(top > -low, np.minimum(top, highest), np.maximum(low, -highest))
         return np.stack([height, np.full(len(height), FIRST_TOP)], axis=1)
+
+    def further(self) -> tuple[str, ...]:
+        """Return the families beyond plain bumps and frusta that the options allow, fewest numbers first."""
+        return further_families(self.options)
+
+    def refined(self, family: str, shape: Array) -> tuple[Shapes3D, Array] | None:
+        """Return plain bumps of rows (E, S) with more heights, and their rows; frusta stay as they are."""
+        rich = family_named(family, self.options)
+        if not isinstance(rich, Heights) or self.numbers > PLAIN or "n" not in self.kinds:
+            return None
+        kinds = [family if kind == "n" else kind for kind in self.kinds]
+        shapes = replace(self, kinds=tuple(kinds), numbers=len(rich.heights) + 1)
+        rows = shapes._padded(shape)
+        bumps = np.array([kind == "n" for kind in self.kinds])
+        for column in rich.heights:
+            rows[bumps, column] = shape[bumps, 0]
+        return shapes, rows
+
+    def begun(self, family: str) -> list[tuple[Shapes3D, Array]]:
+        """Return joints of a richer family on all contacts, into the roomier part or as small bumps of either sign."""
+        rich = family_named(family, self.options)
+        shapes = replace(self, kinds=(family,) * len(self.kinds), numbers=max(PLAIN, *(h + 1 for h in rich.heights)))
+        if rich.follows_outline:
+            return [(shapes, shapes._padded(self.to_the_roomier_side(family, share))) for share in (0.6, 1.0)]
+        low, top = shapes.bounds()
+        found = []
+        for height in (-0.2, 0.2):
+            rows = np.tile(shapes.rest, (len(self.kinds), 1))
+            rows[:, list(rich.heights)] = height
+            rows[:, 1] = 0.6
+            found.append((shapes, np.clip(rows, low, top)))
+        return found
+
+    def mixed(self) -> Shapes3D:
+        """Return the same joints, to be chosen from a catalogue of all families."""
+        names = (*self.families, *(("frustum",) if self.options.frusta else ()), *self.further())
+        numbers = max(max(family_named(n, self.options).heights) + 1 for n in names)
+        return replace(self, families=names, numbers=max(PLAIN, numbers))
 
     def with_kinds(self, kinds: Sequence[Any]) -> Shapes3D:
         """Return the same joints with other families."""
@@ -343,73 +413,17 @@ class Shapes3D:
         return replace(self, limits=limits)
 
     def joint(self, index: int, shape: Array, u: Array) -> Joint:
-        """Return joint `index` built with shape (2,) and direction u (3,); planar without height."""
-        contact, rectangle = self.contacts[index], self.single[index]
-        if rectangle is None or abs(shape[0]) < LOWEST:
-            return planar(contact)
-        height = float(shape[0] * self.lengths[index])
-        if self.frusta[index]:
-            return frustum_joint(contact, rectangle, height, u, 0.5 - 0.5 * float(shape[1]))
-        low, high = 0.5 - 0.5 * float(shape[1]), 0.5 + 0.5 * float(shape[1])
-        covered = rectangle.part((low, low), (high, high))
-        return bicubic_joint(contact, covered, height, u, self._segments)
+        """Return joint `index` built with shape (S,) and direction u (3,); planar without height."""
+        site, family = self.sites.single[index], family_named(self.kinds[index], self.options)
+        if site is None or np.abs(shape[list(family.heights)]).max() < LOWEST:
+            return planar(self.contacts[index])
+        return family.joint(site, shape, u)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BumpRoom:
-    """How high bumps may get on every contact, worked out when it is first asked for.
-
-    Attributes:
-        single: the rectangle on each contact, None without one.
-        can_curve: (E,) which contacts may become joints.
-        u: (E, 3) their principal directions; bumps may lean from them by `LEAN_IN_REACH`.
-    """
-
-    assembly: Assembly
-    contacts: tuple[Contact, ...]
-    single: tuple[Rectangle | None, ...]
-    can_curve: BoolArray
-    u: Array
-    options: JointOptions
-
-    @cached_property
-    def curved(self) -> Array:
-        """Return (E, 2) lowest and highest bicubic bump, m."""
-        return self._limits(1 / 3)
-
-    @cached_property
-    def straight(self) -> Array:
-        """Return (E, 2) lowest and highest frustum, m."""
-        return self._limits(LEAST_FLANK)
-
-    def _limits(self, flank: float) -> Array:
-        reach = np.zeros((len(self.contacts), 2))
-        some = np.flatnonzero(self.can_curve)
-        if len(some):
-            chosen = [self.contacts[int(e)] for e in some]
-            stacked = Rectangles.of([r for e in some if (r := self.single[e]) is not None])
-            shorter = np.linalg.norm(stacked.edge_y, axis=1)
-            margin = np.maximum(self.options.margin * shorter, self.options.min_distance)
-            low, high = height_limits(self.assembly, chosen, stacked, self.u[some], margin, LEAN_IN_REACH, flank)
-            reach[some] = np.stack([low, high], axis=1)
-        return read_only(reach)
-
-
-def _flank_corners(pattern: BumpPattern) -> tuple[IntArray, IntArray]:
-    """Return 16 pairs of a triangle on a frustum's flank and a vertex at one of the flank's four corners."""
-    middles = pattern.xy[pattern.triangles].mean(axis=1)
-    found = []
-    for axis in (0, 1):
-        for end in (0.0, 1.0):
-            away = np.abs(middles[:, axis] - end)
-            across = np.abs(middles[:, 1 - axis] - 0.5)
-            triangle = int(np.flatnonzero((away < 1 / 3) & (across < 1 / 6))[0])
-            for up in (0.0, 1 / 3):
-                for side in (up, 1.0 - up):
-                    corner = np.empty(2)
-                    corner[axis], corner[1 - axis] = abs(end - up), side
-                    found.append((triangle, int(np.abs(pattern.xy - corner).sum(axis=1).argmin())))
-    return np.array([f[0] for f in found]), np.array([f[1] for f in found])
+def _facet_normals(corners: Array) -> Array:
+    """Return unit normals (E, T, 3) of triangles (E, T, 3, 3)."""
+    normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=2), TINY)[..., None])
 
 
 def _towards(normal: Array, way_out: Array, most_rad: float) -> Array:
@@ -420,19 +434,3 @@ def _towards(normal: Array, way_out: Array, most_rad: float) -> Array:
         return normal
     angle = float(np.clip(np.arctan2(length, way_out @ normal) - NEAR_EXIT, 0.0, most_rad))
     return np.asarray(np.cos(angle) * normal + np.sin(angle) * side / length)
-
-
-def _rectangle(contact: Contact, options: JointOptions) -> Rectangle | None:
-    scale = float(np.sqrt(contact.measure))
-    if scale < options.min_contact:
-        return None
-    found = largest_rectangle(contact, max(options.margin * scale, options.min_distance))
-    # Slivers hold nothing: below a tenth of the contact's size a bump is a scratch.
-    return found if found is not None and found.l2 > 0.1 * scale else None
-
-
-def _stand_in(contact: Contact) -> Rectangle:
-    """Return a tiny rectangle in a contact that has no room for one, so that arrays stay rectangular."""
-    x, y = tangents(contact.normal)
-    side = SMALLEST_SIDE * float(np.sqrt(contact.measure))
-    return Rectangle(read_only(contact.centre), read_only(x), read_only(y), side, side)
