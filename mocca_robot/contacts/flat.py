@@ -122,7 +122,9 @@ def edge_pairs(assembly: Assembly, tolerances: Tolerances = TOLERANCES) -> EdgeP
     gap, near = max(tolerances.contact_gap * size, allowed), max(tolerances.near_miss * size, allowed)
     edges = OutlineEdges.of(assembly)
     tree = shapely.STRtree(shapely.linestrings(np.stack([edges.start, edges.end], axis=1)))
-    a, b = tree.query(tree.geometries, predicate="dwithin", distance=near)
+    # Boxes find the pairs that the gaps below sort out; distances would take five times as long.
+    low, high = np.minimum(edges.start, edges.end) - near, np.maximum(edges.start, edges.end) + near
+    a, b = tree.query(shapely.box(*low.T, *high.T))
     keep = edges.part[a] < edges.part[b]
     a, b = a[keep], b[keep]
     antiparallel = np.einsum("ij,ij->i", edges.direction[a], edges.direction[b])

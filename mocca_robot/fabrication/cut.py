@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import io
+from html import escape
 from pathlib import Path
-from xml.sax.saxutils import escape, quoteattr
 
 from mocca_robot.assembly import Assembly
 from mocca_robot.fabrication.options import CutOptions
@@ -36,11 +36,11 @@ def svg_text(sheet: Sheet, labels: bool) -> str:
     cuts, names = [], []
     for part in sheet.parts:
         rings = ["M " + " L ".join(f"{x:.6f} {sheet.height - y:.6f}" for x, y in ring) + " Z" for ring in part.rings]
-        cuts.append(f'    <path id={quoteattr(part.name)} d="{" ".join(rings)}"/>')
+        cuts.append(f'    <path id="{_attribute(part.name)}" d="{" ".join(rings)}"/>')
         x, y = part.label_at[0], sheet.height - part.label_at[1]
         names.append(
             f'    <text x="{x:.4f}" y="{y + 0.36 * part.label_height:.4f}" font-size="{part.label_height:.4f}">'
-            f"{escape(part.name)}</text>"
+            f"{escape(part.name, quote=False)}</text>"
         )
     size = (
         f'width="{sheet.width:.6f}mm" height="{sheet.height:.6f}mm" viewBox="0 0 {sheet.width:.6f} {sheet.height:.6f}"'
@@ -60,6 +60,10 @@ def svg_text(sheet: Sheet, labels: bool) -> str:
         "</svg>",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _attribute(text: str) -> str:
+    return escape(text).translate({ord(space): f"&#{ord(space)};" for space in "\t\n\r"})
 
 
 def dxf_text(sheet: Sheet, labels: bool) -> str:

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from trimesh import triangles
 
 from mocca_robot.actions import (
     Action,
@@ -200,6 +199,8 @@ def _corners(low: Array, high: Array) -> str:
 
 def _from_surface(mesh: Mesh, point: Array) -> float:
     """Return how far a point (3,) is from the nearest face. The search trees of trimesh would need rtree."""
+    from trimesh import triangles
+
     nearest_points = triangles.closest_point(mesh.vertices[mesh.faces], np.tile(point, (len(mesh.faces), 1)))
     return float(np.linalg.norm(nearest_points - point, axis=1).min())
 

@@ -96,6 +96,13 @@ def test_starting_loads_nothing_heavy(statement: str) -> None:
     assert done.stdout.splitlines()[-1] == "loaded:", done.stdout.splitlines()[-1]
 
 
+def test_a_flat_design_loads_what_it_needs(tmp_path: Path) -> None:
+    command = ["design", str(ROOT / "configs" / "stack.yaml"), "-o", str(tmp_path)]
+    code = f"import sys\nfrom mocca_robot.cli.parser import main\nassert main({command!r}) == 0\nprint(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert {"trimesh", "mujoco", "numba", "clarabel", "viser"}.isdisjoint(done.stdout.splitlines()[-1].split())
+
+
 def test_public_names_are_all_there() -> None:
     import mocca_robot
     import planners
