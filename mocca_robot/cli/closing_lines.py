@@ -98,7 +98,7 @@ def physics_words(simulation: Simulation) -> str:
         said.append(f"{stand} of {len(states)} states stand, {same} agree with statics")
     if simulation.tilt:
         said.append(f"falls at a tilt of {_critical_tilts(simulation.tilt)}")
-    if simulation.insertion:
+    if simulation.trials:
         inside, outside = (Tries.of([t for t in simulation.trials if t.inside is side]) for side in (True, False))
         said.append(
             f"{inside.succeeded} of {inside.trials} insertions inside the cones succeed, "

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TextIO
 
 from mocca_robot.cli.exit_code import ExitCode
+from mocca_robot.cli.voice import silence
 
 
 class Console:
@@ -80,9 +82,17 @@ def _seconds(value: float) -> str:
     return f"{value:.2f} s" if value < 10 else f"{value:.0f} s"
 
 
-def _write(stream: Any, text: str) -> None:
-    stream.write(text + "\n")
-    stream.flush()
+def _write(stream: TextIO, text: str) -> None:
+    """Write a line; once nobody reads any more (`mocca-robot check X | head`) the rest goes nowhere, and the verdict is
+    still the exit status.
+    """
+    try:
+        stream.write(text + "\n")
+        stream.flush()
+    except OSError as error:
+        if error.errno not in (errno.EPIPE, errno.EINVAL):  # Windows says EINVAL
+            raise
+        silence(stream.fileno())
 
 
 @contextmanager

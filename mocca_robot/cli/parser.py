@@ -73,9 +73,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _failed(as_json, ExitCode.UNUSABLE, str(error))
     except KeyboardInterrupt:
         return _failed(as_json, ExitCode.INTERRUPTED, "Interrupted. Files that were finished are kept.")
-    except BrokenPipeError:  # `mocca-robot check X | head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return ExitCode.POSITIVE
     except OSError as error:
         if error.errno not in UNWRITABLE:
             return _internal(as_json, error)

@@ -82,7 +82,7 @@ def lines(found: SequenceResult) -> list[str]:
 
     out = []
     for k, p in enumerate(found.placements):
-        way = ", ".join(f"{v:+.3f}" for v in p.direction)
+        way = ", ".join(f"{round(float(v), 3) + 0.0:+.3f}" for v in p.direction)  # never -0.000
         held = f"; hold {', '.join(p.held)}" if p.held else ""
         out.append(f"{k + 1:4d}  {p.part}: in along ({way}), up to {np.rad2deg(p.alpha_rad):.1f}° off{held}")
     if found.placements:

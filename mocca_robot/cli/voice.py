@@ -31,21 +31,21 @@ class Voice:
         try:
             _write(sys.stderr, text)
         except (OSError, ValueError):
-            self._silence(2)
+            silence(2)
 
     def _stop_listening(self) -> None:
         self.deaf = True
-        self._silence(1)
+        silence(1)
 
-    @staticmethod
-    def _silence(descriptor: int) -> None:
-        """What Python still holds back for this stream must not fail again when the process ends."""
-        try:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, descriptor)
-            os.close(nowhere)
-        except OSError:
-            return
+
+def silence(descriptor: int) -> None:
+    """Send the rest of a stream nowhere: what Python still holds back must not fail again when the process ends."""
+    try:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, descriptor)
+        os.close(nowhere)
+    except OSError:
+        return
 
 
 def _write(stream: TextIO | None, text: str) -> None:

@@ -1,4 +1,4 @@
-"""What statics and physics say of every state, side by side, and where independent checks contradict each other.
+"""What statics and physics say of every state, side by side, and where they contradict each other.
 
 Whether physics agrees, and how that is said, `mocca_robot.verdicts.agreement` decides.
 """

@@ -90,7 +90,7 @@ def _box(graph: PartsGraph, part: int, label: str, fill: str, middle: float, lin
     node, width = graph.placed(part), _width(label)
     title = f"{node.part.name}: fixed"
     if not node.part.fixed:
-        way = ", ".join(f"{v:+.2f}" for v in node.direction + 0.0)
+        way = ", ".join(f"{v:+.2f}" for v in np.round(node.direction, 2) + 0.0)
         room = degrees(max(node.motion.alpha_rad, 0.0))
         title = f"{node.part.name}: goes in along ({way}); its widest cone is ±{room}"
     return (

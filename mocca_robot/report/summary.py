@@ -13,6 +13,7 @@ from mocca_robot.report.findings import disagreements, smallest_tilt, states, ti
 from mocca_robot.report.markup import degrees, esc, listed, plural, significant
 from mocca_robot.report.tilt_words import limit_words
 from mocca_robot.statics.cases import CaseVerdict
+from mocca_robot.verdicts.agreement import towards
 from mocca_robot.verdicts.verification import Verification
 
 SHOWN_RAD = 1e-4
@@ -162,26 +163,26 @@ def _margin(data: ReportData) -> str:
     if _only_locking(data):
         words = f"Nothing moves while the key is held. Let go, it stands up to a tilt of {degrees(angle)}."
         return card("none", question, "Key held", words)
-    flat = data.design.assembly.dimension == 2
-    where = ("right" if math.cos(azimuth) >= 0 else "left") if flat else f"azimuth {degrees(azimuth, 0)}"
-    mu = data.design.judged_friction
-    words = f"smallest critical tilt, towards {where} (by {source}, {f'friction {mu:g}' if mu else 'no friction'})"
+    mu, dimension = data.design.judged_friction, data.design.assembly.dimension
+    by = f"by {source}, {f'friction {mu:g}' if mu else 'no friction'}"
+    words = f"smallest critical tilt, towards {towards(azimuth, dimension)} ({by})"
     before = [t.before_rad for t in data.tilts if t.before_rad is not None and t.friction == mu]
     words += f"; the input: {degrees(min(before))}" if before else ""
-    if data.reserve is not None and data.reserve.missed:
-        words += f"; asked for {degrees(data.reserve.asked_rad)}"
-        if data.reserve.case != "gravity":
-            state = esc(case_words(data.reserve.case))
-            words += f". The weakest state falls at {degrees(data.reserve.critical_rad)}: {state}"
-        if limited := limit_words(data.reserve):
+    reserve, least = data.reserve, angle
+    if reserve is not None and reserve.critical_rad < angle - SHOWN_RAD:
+        least, side = reserve.critical_rad, towards(reserve.azimuth_rad, dimension)
+        state = esc(case_words(reserve.case))
+        words = f"{state}, towards {side} (no friction). Finished and with no other load: {degrees(angle)}, {words}"
+    met = asked is None or angle >= asked - SHOWN_RAD
+    if reserve is not None and reserve.missed:
+        words += f"; asked for {degrees(reserve.asked_rad)}"
+        if limited := limit_words(reserve):
             words += f". {esc(limited[:1].upper() + limited[1:])}"
-        met = asked is None or angle >= asked - SHOWN_RAD
-        return card("warn" if met else "bad", question, f"Tilts by {degrees(angle)}", words + ".")
+        return card("warn" if met else "bad", question, f"Tilts by {degrees(least)}", words + ".")
     if asked is not None:
         words += f"; asked for {degrees(asked)}"
-        return card("ok" if angle >= asked - SHOWN_RAD else "bad", question, f"Tilts by {degrees(angle)}", words + ".")
-    kind = "ok" if angle > np.deg2rad(1.0) else "warn"
-    return card(kind, question, f"Tilts by {degrees(angle)}", words + ".")
+        return card("ok" if met else "bad", question, f"Tilts by {degrees(least)}", words + ".")
+    return card("ok" if least > np.deg2rad(1.0) else "warn", question, f"Tilts by {degrees(least)}", words + ".")
 
 
 def _alarm(data: ReportData) -> str:
@@ -195,6 +196,6 @@ def _alarm(data: ReportData) -> str:
         )
     if found:
         items = "".join(f"<li>{esc(d)}</li>" for d in found)
-        head = f"{plural(len(found), 'disagreement')} between independent checks"
+        head = f"{plural(len(found), 'disagreement')} between design, statics, geometry and physics"
         out += f'<section class="alarm" id="disagreements" role="alert"><h2>{head}</h2><ul>{items}</ul></section>'
     return out

@@ -59,7 +59,7 @@ class Remark:
         kind: what it is.
         about: the verdict that it comes from.
         text: one sentence with its figures.
-        contradicts: two independent checks do not say the same.
+        contradicts: it says something else than statics or geometry.
         parts: names of the parts concerned.
         case: name of the state, for what is held against one.
     """

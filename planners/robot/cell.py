@@ -102,7 +102,6 @@ class RobotCell:
             vacuum=self.gripper.wiring if isinstance(self.gripper, SuctionGripper) else None,
             serial=self.serial,
             limits=self.limits,
-            extra={"table_m": self.table_m.tolist(), "tray_m": self.tray_m.tolist()},
             description={**self.document, "build": build, "tray": tray},
         )
 

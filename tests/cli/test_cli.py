@@ -358,3 +358,14 @@ def test_errors_of_our_own_are_not_swallowed(
     assert main(["check", str(slope)]) == 70
     err = capsys.readouterr().err
     assert "Traceback" in err and "wheel fell off" in err and "report" in err
+
+
+@pytest.mark.parametrize("options", [(), ("--json",)])
+def test_a_verdict_keeps_its_exit_status_when_nobody_reads_it(slope: Path, options: tuple[str, ...]) -> None:
+    arguments = [sys.executable, "-m", "mocca_robot.cli", "check", str(slope), *options]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        said = process.stderr.read()
+        assert process.wait(timeout=60) == 1
+    assert b"Traceback" not in said and b"Exception" not in said

@@ -123,3 +123,10 @@ def test_states_are_counted_by_what_they_agree_on() -> None:
 def test_every_engine_that_judged_is_named_once() -> None:
     springs = dataclasses.replace(tilt(10.0, 10.1, 0.3), engine="coulomb 1")
     assert physics_words(simulation(tilt(12.0, 12.1, 0.0), springs, springs)).startswith("mujoco 3, coulomb 1: ")
+
+
+def test_insertions_that_were_not_tried_are_not_counted() -> None:
+    """Ctrl-C ends a simulation before its first trial."""
+    part = PartInsertion(part="b", axis=(0.0, 1.0), realised_rad=0.1, tried_rad=0.1, friction=0.0)
+    begun = dataclasses.replace(simulation(tilt(12.5, 12.5, 0.0)), insertion=(part,), interrupted=True)
+    assert "insertions" not in physics_words(begun) and "falls at a tilt" in physics_words(begun)

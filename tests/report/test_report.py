@@ -9,6 +9,7 @@ import re
 import struct
 import xml.etree.ElementTree as ET
 import zlib
+from html import unescape
 from pathlib import Path
 from typing import Any
 
@@ -36,9 +37,11 @@ from mocca_robot.report.markup import esc, script_json, significant
 from mocca_robot.report.page import report_page, write_report
 from mocca_robot.report.palette import part_colours
 from mocca_robot.report.scene3d import packed
+from mocca_robot.report.summary import summary
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import load_cases, state_cases
 from mocca_robot.statics.solution import Status
+from mocca_robot.statics.tilt_reserve import TiltReserve
 from mocca_robot.verdicts.physics import (
     InsertionTrial,
     PartInsertion,
@@ -538,3 +541,10 @@ def test_figures_of_a_design_and_of_plain_parts(tmp_path: Path, capsys: pytest.C
         assert files == ["design.svg", "collapse.svg", "cones.svg", "film.svg", "tilt.svg"]
         stands = "stands" in (folder / "film.svg").read_text(encoding="utf-8")
         assert stands == (source.name == "design.json")
+
+
+def test_the_margin_is_that_of_the_weakest_state(flat: ReportData) -> None:
+    weakest = TiltReserve(critical_rad=0.02, azimuth_rad=0.0, case="load_snow", goal_rad=0.0, margin_rad=0.01)
+    page = summary(dataclasses.replace(flat, reserve=weakest))
+    assert "Tilts by 1.1°" in page and "under 'snow', towards right" in unescape(page)
+    assert "Tilts by 1.1°" not in summary(flat)
