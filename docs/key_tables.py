@@ -27,6 +27,8 @@ _KINDS: dict[str, dict[str, Any]] = {
     "mapping": {"type": "object"},
     "friction": {"type": ["number", "object"]},
     "entries": {"type": "array"},
+    "axis": {"type": ["string", "array"]},
+    "force": {"type": "string"},
 }
 
 

@@ -17,6 +17,8 @@ from mocca_robot.design import Design
 from mocca_robot.errors import quoted
 from mocca_robot.report import reserves, tilt_words
 from mocca_robot.report.case_words import goal_words
+from mocca_robot.report.strength import MILLIMETRES, strength_words
+from mocca_robot.strength.strength_json import strength_to_data
 from mocca_robot.verdicts.agreement import agree
 from mocca_robot.verdicts.physics import Simulation, StateVerdict, TiltVerdict, Tries
 from mocca_robot.verdicts.simulation_json import simulation_to_data
@@ -85,6 +87,8 @@ def say_verdicts(outcome: DesignOutcome, console: Console) -> None:
             console.say(f"           {limited}")
     for factor in outcome.after.load_factors:
         console.say(f"load:      {reserves.factor_words(factor)}")
+    if outcome.strength is not None:
+        console.say(f"strength:  {strength_words(outcome.strength, *MILLIMETRES)}")
     if outcome.simulation is not None:
         console.say(f"physics:   {physics_words(outcome.simulation)}")
 
@@ -141,6 +145,7 @@ def document(outcome: DesignOutcome, supports: tuple[str, ...]) -> dict[str, Any
         "cases": reasons.cases_data(outcome.after.cases),
         "states": reasons.cases_data(outcome.states),
         "reserve": tilt_words.tilt_data(outcome.reserve),
+        "strength": None if outcome.strength is None else strength_to_data(outcome.strength, assembly.name),
         "load_factors": reserves.factors_data(outcome.after.load_factors),
         "insertions": reasons.insertions_data(outcome.after.insertions),
         "part_overlap": outcome.after.part_overlap,

@@ -27,6 +27,7 @@ from mocca_robot.cli import (
     run,
     sequence,
     simulate,
+    strength,
     study,
     view,
 )
@@ -114,6 +115,7 @@ def build_parser() -> argparse.ArgumentParser:
         study,
         view,
         check,
+        strength,
         config_show,
         sequence,
         plan,

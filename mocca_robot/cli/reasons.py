@@ -31,7 +31,7 @@ class NegativeVerdict:
 
     Attributes:
         kind: 'falls', 'clamped', 'inaccurate', 'blocked', 'overlap', 'impossible', 'narrow', 'deadlock', 'loose',
-            'disagreement', 'jams', 'not_written', 'reserve'.
+            'disagreement', 'jams', 'not_written', 'reserve', 'breaks'.
         text: the evidence for people, one or two sentences.
         parts: names of the parts concerned.
         case: load case or state, when there is one.

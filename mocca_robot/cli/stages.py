@@ -26,6 +26,7 @@ from mocca_robot.statics.cases import CaseVerdict, solve_case
 from mocca_robot.statics.loads import state_cases
 from mocca_robot.statics.mobility import mobility
 from mocca_robot.statics.tilt_reserve import TiltReserve, tilt_reserve
+from mocca_robot.strength.uses import AssemblyStrength
 from mocca_robot.verdicts.agreement import Remark, remarks
 from mocca_robot.verdicts.physics import Simulation
 from mocca_robot.verdicts.simulation_json import write_simulation
@@ -48,6 +49,7 @@ class DesignOutcome:
         files: what was written, by kind.
         simulation: what physics says; None before physics was asked.
         reserve: the smallest reserve against tilting; None before it was looked for, or where nothing has to stand.
+        strength: what share of their strength parts use; None where it was not asked.
     """
 
     design: Design
@@ -58,6 +60,7 @@ class DesignOutcome:
     files: dict[str, Path] = field(default_factory=dict)
     simulation: Simulation | None = None
     reserve: TiltReserve | None = None
+    strength: AssemblyStrength | None = None
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
@@ -237,6 +240,7 @@ def write_pages(outcome: DesignOutcome, config: Config, folder: Path, console: C
             warnings=config.notes,
             friction=outcome.design.judged_friction,
             reserve=outcome.reserve,
+            strength=outcome.strength,
         )
         path = write_report(folder / "report.html", data)
     return replace(outcome, files={**outcome.files, "report": path})

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.arrays import Array
-from mocca_robot.assembly import Assembly, Interlocking, Part, Polygon
+from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Interlocking, Part, Polygon
 from mocca_robot.config import schema
 from mocca_robot.config.keys import options, read_section, section
 from mocca_robot.config.model import Model, generated, read_model, turned_upright
@@ -26,6 +26,8 @@ from mocca_robot.files.goals import goals_from_data
 from mocca_robot.files.versions import CONFIG
 from mocca_robot.joints.options import FLAT_KINDS, SOLID_KINDS, JointOptions
 from mocca_robot.statics.materials import Friction, require_materials
+from mocca_robot.strength.materials import KNOWN, Material, material_named, materials_from_data
+from mocca_robot.strength.options import StrengthOptions, axes_from_data
 from mocca_robot.tolerances import ON_GROUND
 
 SMALLEST_M = 1e-6
@@ -67,6 +69,7 @@ class Config:
         joints: bounds for the designer.
         simulate: settings of the physics.
         cut: settings of the cutting drawings.
+        strength: what is asked of the strength of parts.
         notes: what a user should know about the input: repairs, elements left out, an implausible size.
         values: every key with its effective value and origin.
     """
@@ -80,8 +83,14 @@ class Config:
     joints: JointOptions
     simulate: SimulationOptions
     cut: CutOptions
+    strength: StrengthOptions
     notes: tuple[str, ...]
     values: tuple[EffectiveValue, ...]
+
+    @property
+    def asks_strength(self) -> bool:
+        """Return whether the configuration says anything about strength: a key of that section."""
+        return any(self.given(v.key) for v in self.values if v.key.startswith("strength."))
 
     def given(self, key: str) -> bool:
         """Return whether somebody set `key`, as an argument or in the configuration, rather than its default."""
@@ -124,7 +133,8 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
     unit = given.get("units") or model.unit
     unit_m = fields.UNITS_M[unit] if "units" in given else model.unit_m
     given = _top_level(written, where, unit_m)
-    assembly = _assembly(model, given, where, unit_m)
+    own = materials_from_data(given.get("materials", {}), f"{where}: materials")
+    assembly = _assembly(model, given, own, where, unit_m)
     simulate = read_section(schema.KEYS, given.get("simulate", {}), "simulate", where, unit_m)
     joints = read_section(schema.KEYS, given.get("joints", {}), "joints", where, unit_m)
     friction = _friction(given, assembly, where, joints.get("friction", model.friction))
@@ -141,6 +151,7 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
         joints=options(JointOptions, joints),
         simulate=options(SimulationOptions, simulate),
         cut=options(CutOptions, cut),
+        strength=_strength(given, assembly, own, where, unit_m),
         notes=said + model.notes + _suspicions(assembly),
         values=_effective(data, lines, arguments or {}, model),
     )
@@ -177,6 +188,18 @@ def _friction(given: Mapping[str, Any], assembly: Assembly, where: str, default:
             fields.known_name(name, assembly.sequence, f"{place}.parts")
         clamping.append(((names[0], names[1]), fields.number(found.get("force_n"), f"{place}.force_n", 0.0)))
     return Friction(friction, friction.table if isinstance(friction, Friction) else (), clamping)
+
+
+def _strength(
+    given: Mapping[str, Any], assembly: Assembly, own: Mapping[str, Material], where: str, unit_m: float
+) -> StrengthOptions:
+    """Return what is asked of the strength. Raises InputError for materials of which nothing is known, if it is."""
+    asked = read_section(schema.KEYS, given.get("strength", {}), "strength", where, unit_m)
+    if "strength" in given:
+        for part in (p for p in assembly.parts if p.material):
+            material_named(part.material, own, f"{where}: the material of part '{part.name}'")
+    found: StrengthOptions = options(StrengthOptions, asked)
+    return replace(found, own=own, axes=axes_from_data(given, assembly, own, where))
 
 
 def _top_level(written: Mapping[str, Any], where: str, unit_m: float) -> dict[str, Any]:
@@ -216,10 +239,12 @@ def _model(given: Mapping[str, Any], written: Mapping[str, Any], folder: Path, w
     return turned_upright(model)
 
 
-def _assembly(model: Model, given: Mapping[str, Any], where: str, unit_m: float) -> Assembly:
+def _assembly(
+    model: Model, given: Mapping[str, Any], own: Mapping[str, Material], where: str, unit_m: float
+) -> Assembly:
     assembly = model.assembly
     given = {**given, **{k: _bodies_of(model, given[k]) for k in ("fixed", "sequence") if k in given}}
-    parts = _parts(assembly.parts, given, where, unit_m)
+    parts = _parts(assembly.parts, given, {**KNOWN, **own}, where, unit_m)
     if "sequence" in given:
         parts = in_sequence(parts, given["sequence"], f"{where}: sequence")
     _require_fixed(parts, where)
@@ -264,7 +289,9 @@ def _bodies_of(model: Model, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(part for name in names for part in model.bodies.get(name, (name,))))
 
 
-def _parts(parts: tuple[Part, ...], given: Mapping[str, Any], where: str, unit_m: float) -> tuple[Part, ...]:
+def _parts(
+    parts: tuple[Part, ...], given: Mapping[str, Any], known_of: Mapping[str, Material], where: str, unit_m: float
+) -> tuple[Part, ...]:
     """Return `parts` with what the configuration says about all of them and about single ones."""
     known = [p.name for p in parts]
     for name in given.get("fixed", ()):
@@ -283,8 +310,11 @@ def _parts(parts: tuple[Part, ...], given: Mapping[str, Any], where: str, unit_m
             if not isinstance(shape, Polygon):
                 raise InputError(f"{where}: thickness belongs to flat parts, but '{part.name}' is solid; remove it.")
             shape = Polygon(shape.exterior, shape.holes, thickness)
-        density = mine.get("density", given.get("density", part.density))
         material = mine.get("material", given.get("material", part.material))
+        density = part.density
+        if density == DEFAULT_DENSITY and material in known_of:
+            density = known_of[material].density
+        density = mine.get("density", given.get("density", density))
         found.append(Part(part.name, shape, density, mine.get("fixed", fixed), material))
     return tuple(found)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields as checks
+from mocca_robot.files.actions_data import FORCE, quantity
 from mocca_robot.statics.materials import read_friction
 from mocca_robot.tolerances import MM
 
@@ -22,6 +23,7 @@ class Key:
         name: with its section: 'alpha_deg', 'joints.margin'; 'parts.NAME.density' stands for every part.
         kind: what a value looks like: number, integer, degrees, length, length_or_share, boolean, name, names, text,
             choice, choices, vector, box, height field, friction, entries, goals, mapping, loads,
+            axis, force,
             values (of a study), places, turns (of a cell).
         default: as one would write it; None = not set.
         unit: of the written value; 'units' = the configuration's own.
@@ -59,6 +61,8 @@ class Key:
             if not isinstance(data, list):
                 raise InputError(f"{where} must be a list, not {checks.shown(data)}.")
             return tuple(data)
+        if self.kind == "force":
+            return quantity(data, FORCE, where)
         if self.kind == "degrees" and self.known and isinstance(data, str):
             if data not in self.known:
                 raise InputError(f"{where} is {checks.shown(data)}; give degrees, or {' or '.join(self.known)}.")
@@ -95,7 +99,7 @@ class Key:
             return checks.height_field(data, where)
         if self.kind == "box":
             return checks.box(data, where, self.size)
-        return data  # goals, loads, gravity, values, places, turns: read where they are used
+        return data  # goals, loads, axis, gravity, values, places, turns: read where they are used
 
 
 def section(keys: Sequence[Key], prefix: str) -> dict[str, Key]:

@@ -12,6 +12,7 @@ from mocca_robot.fabrication.options import CutOptions
 from mocca_robot.files import fields as checks
 from mocca_robot.joints.families.heights import FEWEST, MOST
 from mocca_robot.joints.options import FURTHER, JointOptions
+from mocca_robot.strength.options import StrengthOptions
 
 JOINT_KINDS = ("n", "z", "frustum", *FURTHER)
 GENERATORS = ("shell", "frame", "stack", "wall", "arch", "dome")
@@ -35,7 +36,7 @@ class SimulationOptions:
     seed: int = 0
 
 
-_J, _S, _C = JointOptions(), SimulationOptions(), CutOptions()
+_J, _S, _C, _R = JointOptions(), SimulationOptions(), CutOptions(), StrengthOptions()
 
 
 def _degrees(angle_rad: float) -> float:
@@ -120,9 +121,34 @@ KEYS: tuple[Key, ...] = (
     ),
     Key("density", "number", DEFAULT_DENSITY, "kg/m³", "Density of every part.", above=0.0, high=1e5),
     Key("thickness", "length", f"{DEFAULT_THICKNESS * 1e3:g} mm", "units", "Depth of flat parts.", above=0.0),
-    Key("parts", "mapping", None, "", "Settings of single parts by name: `density`, `fixed`, `material`, `thickness`."),
+    Key(
+        "parts",
+        "mapping",
+        None,
+        "",
+        "Settings of single parts by name: `density`, `fixed`, `grain`, `layers`, `material`, `thickness`.",
+    ),
     Key("material", "name", None, "", "Material of every part, as tables of friction call it."),
     Key("parts.NAME.material", "name", None, "", "Material of this part."),
+    Key(
+        "materials",
+        "mapping",
+        None,
+        "",
+        "Own materials by name: `{mix: {density: 1100 kg/m³, stiffness: 4 GPa, poisson: 0.2, tension: 2 MPa, "
+        "compression: 6 MPa}}`, and if known `shear`, `bearing`, `friction`, `source`, `direction` and `across` "
+        "(see [Strength](strength.md)).",
+    ),
+    Key("grain", "axis", None, "", "Direction of the grain of every part of wood: a vector, or a word such as `up`."),
+    Key("parts.NAME.grain", "axis", None, "", "Direction of the grain of this part."),
+    Key(
+        "layers",
+        "axis",
+        None,
+        "",
+        "Normal of the layers of every printed part; `flat` for flat parts that were printed lying down.",
+    ),
+    Key("parts.NAME.layers", "axis", None, "", "Normal of the layers of this part."),
     Key(
         "clamping",
         "entries",
@@ -308,6 +334,45 @@ KEYS: tuple[Key, ...] = (
         "Factor by which the design counts on less friction than `joints.friction`.",
         low=1.0,
         high=100.0,
+    ),
+    Key(
+        "strength",
+        "mapping",
+        None,
+        "",
+        "What is asked of the strength of parts and joints, see below; with it `run` asks for it, too.",
+    ),
+    Key(
+        "strength.safety",
+        "number",
+        _R.safety,
+        "",
+        "How many times its loads every part has to bear.",
+        low=1.0,
+        high=1e3,
+    ),
+    Key(
+        "strength.insertion_force",
+        "force",
+        None,
+        "",
+        "Force with which every part is pushed in, such as `20 N`; each insertion is then a load case.",
+    ),
+    Key(
+        "strength.grip_force",
+        "force",
+        None,
+        "",
+        "Force with which a gripper holds every part across its thickness at its centre, such as `50 N`.",
+    ),
+    Key(
+        "strength.elements",
+        "number",
+        _R.elements,
+        "",
+        "Largest size of a finite element, as a share of its part's size.",
+        low=0.005,
+        high=0.5,
     ),
     Key("simulate", "mapping", None, "", "Settings of the physics simulation, see below."),
     Key(

@@ -73,6 +73,7 @@ ASSEMBLY = Format("mocca-robot/assembly")
 DESIGN = Format("mocca-robot/design", remedy="design again")
 SIMULATION = Format("mocca-robot/simulation", remedy="simulate again")
 REHEARSAL = Format("mocca-robot/rehearsal", remedy="rehearse again")
+STRENGTH = Format("mocca-robot/strength", (), 1, "ask for the strength again")
 STUDY = Format("mocca-robot/study", remedy="run the study again")
 # What moves a robot says exactly what it is: nothing about these two is taken for granted.
 PLAN = Format("mocca-robot/plan", (), 1, "plan again")

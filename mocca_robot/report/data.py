@@ -12,6 +12,7 @@ from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import CaseVerdict, critical_tilt, solve_case
 from mocca_robot.statics.loads import state_cases, tilt_azimuths
 from mocca_robot.statics.tilt_reserve import TiltReserve
+from mocca_robot.strength.uses import AssemblyStrength
 from mocca_robot.verdicts.physics import Simulation
 from mocca_robot.verdicts.verification import Verification, verify
 
@@ -43,6 +44,7 @@ class ReportData:
         negative: every negative verdict as a sentence, with its evidence; they stand at the top.
         warnings: what a reader should know besides `design.notes`.
         reserve: the smallest reserve against tilting beside what was asked for; None when it was not looked for.
+        strength: what share of their strength parts use; None when it was not asked.
     """
 
     design: Design
@@ -56,6 +58,7 @@ class ReportData:
     negative: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     reserve: TiltReserve | None = None
+    strength: AssemblyStrength | None = None
 
     @property
     def graph(self) -> PartsGraph:
@@ -81,6 +84,7 @@ def collect(
     warnings: Sequence[str] = (),
     friction: float = 0.0,
     reserve: TiltReserve | None = None,
+    strength: AssemblyStrength | None = None,
 ) -> ReportData:
     """Return the report data of `design`, computing by statics whatever is not handed in.
 
@@ -105,6 +109,7 @@ def collect(
         negative=tuple(negative),
         warnings=tuple(warnings),
         reserve=reserve,
+        strength=strength,
     )
 
 

@@ -9,6 +9,7 @@ from mocca_robot.report import joints_section, physics_sections, player, reserve
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.markup import asset, esc
 from mocca_robot.report.pictures import PAGE_DEFS
+from mocca_robot.report.strength import MILLIMETRES, strength_section
 from mocca_robot.report.summary import summary
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
@@ -16,6 +17,7 @@ CHAPTERS = (
     ("pictures", "Input and result"),
     ("cases", "Load cases"),
     ("reserves", "Loads and reserves"),
+    ("strength", "Strength"),
     ("sequence", "Assembly"),
     ("tilt", "Tilt"),
     ("insertion", "Insertion"),
@@ -38,6 +40,7 @@ def report_page(data: ReportData) -> str:
             sections.side_by_side(data),
             sections.load_cases(data),
             reserves.reserves(data),
+            "" if data.strength is None else strength_section(data.design.assembly, data.strength, *MILLIMETRES),
             player.sequence(data),
             physics_sections.tilt(data),
             physics_sections.insertion(data),

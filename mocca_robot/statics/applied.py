@@ -74,6 +74,26 @@ def applied_wrenches(graph: PartsGraph, action: Action) -> Array:
     return wrenches
 
 
+def applied_forces(graph: PartsGraph, action: Action, cell: float) -> list[tuple[int, Array, Array]]:
+    """Return part, force (d,) and its point (d,) of every piece of a load but an acceleration: what `applied_wrenches`
+    sums up, with lines and pressed faces cut into pieces of at most about `cell` metres.
+    """
+    assembly, there = graph.assembly, graph.present
+    if isinstance(action, BodyAcceleration):
+        return []
+    if isinstance(action, Pressure | Wind):
+        flat = [0, 2] if assembly.dimension == 2 else [0, 1, 2]
+        return [(k, force[flat], point[flat]) for k, force, point in _surface_forces(graph, action, cell)]
+    part, force, point = _single(assembly, action, there)
+    if not there[part]:
+        return []
+    if not isinstance(action, LineForce):
+        return [(part, force, point)]
+    count = max(2, int(np.ceil(np.linalg.norm(action.end - action.start) / cell)))
+    shares = (np.arange(count)[:, None] + 0.5) / count
+    return [(part, force / count, p) for p in action.start + shares * (action.end - action.start)]
+
+
 def combined(graph: PartsGraph, combination: Combination) -> tuple[Array, Array]:
     """Return gravity (d,) m/s² and the further wrenches (N, dof) of a combination of the assembly's loads.
 
@@ -115,8 +135,13 @@ def _wrench(assembly: Assembly, force: Array, point: Array) -> Array:
     return np.concatenate([force, cross(point, force)])
 
 
-def _surface_forces(graph: PartsGraph, action: Pressure | Wind) -> list[tuple[int, Array, Array]]:
-    """Return part, force (3,) and point (3,) of every piece of surface that a pressure acts on."""
+def _surface_forces(
+    graph: PartsGraph, action: Pressure | Wind, cell: float | None = None
+) -> list[tuple[int, Array, Array]]:
+    """Return part, force (3,) and point (3,) of every piece of surface that a pressure acts on.
+
+    With `cell` faces are cut into pieces of at most that width, metres; wind comes whole.
+    """
     assembly, present = graph.assembly, graph.present
     found = []
     if isinstance(action, Wind):
@@ -130,9 +155,19 @@ def _surface_forces(graph: PartsGraph, action: Pressure | Wind) -> list[tuple[in
     looking = None if action.facing is None else (standing(action.facing), FACING)
     faces = _faces(assembly, present & wanted, action.within)
     for part, normal, axes, shape in _exposed(graph, faces, looking):
-        if shape.area > 0.0:
-            found.append((part, -normal * action.pressure_pa * shape.area, _in_space(shape, axes)))
+        for piece in [shape] if cell is None else _cells(shape, cell):
+            if piece.area > 0.0:
+                found.append((part, -normal * action.pressure_pa * piece.area, _in_space(piece, axes)))
     return found
+
+
+def _cells(shape: shapely.Geometry, cell: float) -> list[shapely.Geometry]:
+    """Return an outline cut along a grid of `cell` metres."""
+    low, high = np.reshape(shape.bounds, (2, 2))
+    counts = np.maximum(np.ceil((high - low) / cell), 1.0) if shape.area > 0.0 else np.zeros(2)
+    x, y = (np.linspace(low[k], high[k], int(counts[k]) + 1) for k in range(2))
+    boxes = [shapely.box(x[i], y[j], x[i + 1], y[j + 1]) for i in range(len(x) - 1) for j in range(len(y) - 1)]
+    return list(shapely.intersection(shape, boxes))
 
 
 _Piece = tuple[int, Array, Array, shapely.Geometry]

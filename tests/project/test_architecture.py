@@ -56,7 +56,7 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
 
 def test_the_house_stays_small_enough_to_know() -> None:
     assert len(FLOORS) <= 12
-    assert sum(map(len, FLOORS)) <= 25
+    assert sum(map(len, FLOORS)) <= 26
     in_rooms = {room_of(name) for name in imports()}
     assert in_rooms == {room for floor in FLOORS for room in floor}, "a room in FLOORS is empty"
     assert set(LINE) <= in_rooms

@@ -1,0 +1,1 @@
+"""Will it break? Materials, contact pressures, stresses in every part, and what share of its strength is used."""
