@@ -200,6 +200,8 @@ def _grip(plan: Plan, step: Step, move: Move, arm: Motions) -> tuple[MotionOutco
     if move.kind is MoveKind.PICK:
         if holds(grip, grasp.width_m, cell.limits) is False:
             detail = "part missing: no vacuum under the cup; the vacuum stays on"
+            if grip.held is False:
+                detail = "part missing: the fingers closed, and their switch shows nothing between them"
             if grip.width_m is not None:
                 found = f"{1e3 * grip.width_m:.1f} mm"
                 detail = f"part missing: the fingers closed to {found}, the part is {1e3 * grasp.width_m:.1f} mm wide"
@@ -242,5 +244,6 @@ def _event(
         depth_m=outcome.depth_m,
         width_m=grip.width_m if grip else None,
         vacuum=grip.vacuum if grip else None,
+        held=grip.held if grip else None,
         stop_observed=outcome.stop_observed,
     )

@@ -102,6 +102,8 @@ def not_open(grip: Grip, wanted_m: float, limits: MotionLimits) -> str:
     """Return '' or how a hand that was opened is not as open as it was told to be, as far as it can be measured."""
     if grip.vacuum:
         return "the cup does not let go: there is still vacuum under it"
+    if grip.held:
+        return "the fingers do not let go: their switch still shows something between them"
     if grip.width_m is not None and abs(grip.width_m - wanted_m) > limits.grip_tolerance_m:
         return f"the fingers stand at {1e3 * grip.width_m:.1f} mm, commanded {1e3 * wanted_m:.1f} mm"
     return ""

@@ -65,7 +65,7 @@ def before_release(plan: Plan, step: Step) -> str:
 
 def after_grip(step: Step, kind: MoveKind, grip: Grip) -> str:
     """Return what to ask after a grip that nothing has measured, '' after one that was."""
-    if grip.width_m is not None or grip.vacuum is not None:
+    if (grip.width_m, grip.vacuum, grip.held) != (None, None, None):
         return ""
     if kind is MoveKind.PICK:
         return f"This tool senses nothing. Is {step.part} firmly held by it?"
@@ -74,5 +74,7 @@ def after_grip(step: Step, kind: MoveKind, grip: Grip) -> str:
 
 def confirmations(plan: Plan, first_step: int = 0) -> tuple[str, ...]:
     """Return the parts, from a step on, that a person will be asked about."""
-    blind = plan.gripper == "none" or (plan.cell.vacuum is not None and plan.cell.vacuum.input is None)
+    cell = plan.cell
+    blind = plan.gripper == "none" or (cell.vacuum is not None and cell.vacuum.input is None)
+    blind = blind or (cell.fingers is not None and cell.fingers.held_input is None)
     return tuple(s.part for s in plan.steps[first_step:] if blind or before_release(plan, s))

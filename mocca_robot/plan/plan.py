@@ -21,7 +21,7 @@ from mocca_robot.files.output import write_atomic
 from mocca_robot.files.versions import PLAN
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.pose import Six, Three
-from mocca_robot.plan.wiring import VacuumWiring
+from mocca_robot.plan.wiring import FingerWiring, VacuumWiring
 
 
 class MoveKind(StrEnum):
@@ -116,6 +116,8 @@ class Cell:
         tool_mass_kg, tool_cog_m: the empty gripper, centre of gravity in the flange's frame.
         gripper_stroke_m: smallest and largest opening; of a suction cup: vacuum, none.
         vacuum: how a suction cup is wired, if the cell says so.
+        fingers: how fingers are wired that are only open or closed.
+        gripper_address: where a gripper listens that the controller does not serve.
         description: the cell file, from which planning and rehearsal read the whole cell; empty when not recorded.
         workspace_m: corners (low, high) of the box, base frame, that the tool's centre point must not leave.
         limits: caps lowered for this cell.
@@ -132,6 +134,8 @@ class Cell:
     limits: MotionLimits = field(default_factory=MotionLimits)
     extra: Mapping[str, Any] = field(default_factory=dict)
     vacuum: VacuumWiring | None = None
+    fingers: FingerWiring | None = None
+    gripper_address: str = ""
     description: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -200,6 +204,8 @@ def document(plan: Plan) -> dict[str, Any]:
             "tool_cog_m": list(cell.tool_cog_m),
             "gripper_stroke_m": list(cell.gripper_stroke_m),
             **({"vacuum": cell.vacuum.document()} if cell.vacuum else {}),
+            **({"fingers": cell.fingers.document()} if cell.fingers else {}),
+            **({"gripper_address": cell.gripper_address} if cell.gripper_address else {}),
             "workspace_m": [list(c) for c in cell.workspace_m],
             "limits": cell.limits.changed(),
             **({"description": dict(cell.description)} if cell.description else {}),

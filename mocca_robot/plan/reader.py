@@ -14,13 +14,14 @@ from mocca_robot.errors import InputError, nearest
 from mocca_robot.files.documents import read_text
 from mocca_robot.files.versions import PLAN
 from mocca_robot.plan.arm_models import robot_model
+from mocca_robot.plan.gripper import FINGERS
 from mocca_robot.plan.hand import disorder
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.plan import Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint
 from mocca_robot.plan.pose import Three, six, three
-from mocca_robot.plan.wiring import DEFAULT_WAIT_S, SIGNALS, WAIT_S, VacuumWiring
+from mocca_robot.plan.wiring import DEFAULT_WAIT_S, SIGNALS, WAIT_S, FingerWiring, VacuumWiring
 
-GRIPPERS = ("2f85", "suction", "none")
+GRIPPERS = (*FINGERS, "digital", "suction", "none")
 
 
 def file_sha256(path: Path) -> str:
@@ -113,16 +114,29 @@ def _cell(raw: Mapping[str, Any], where: str, contact_n: float) -> Cell:
         extra=_rest(raw, Cell),
         description=_mapping(raw.get("description", {}), f"{where}: description"),
         vacuum=_vacuum(raw["vacuum"], f"{where}: vacuum") if raw.get("vacuum") is not None else None,
+        fingers=_fingers(raw["fingers"], f"{where}: fingers") if raw.get("fingers") is not None else None,
+        gripper_address=_text(raw, "gripper_address", where) if "gripper_address" in raw else "",
     )
 
 
 def _vacuum(value: object, where: str) -> VacuumWiring:
     raw = _mapping(value, where)
     output, switch = _signal(raw, "output", where), raw.get("input")
+    return VacuumWiring(output, None if switch is None else _signal(raw, "input", where), _wait(raw, where))
+
+
+def _wait(raw: Mapping[str, Any], where: str) -> float:
     wait = _number(raw, "wait_s", where, DEFAULT_WAIT_S)
     if not WAIT_S[0] <= wait <= WAIT_S[1]:
         raise InputError(f"{where}: wait_s is {wait:g}, limit {WAIT_S[0]:g} to {WAIT_S[1]:g}. Plan again.")
-    return VacuumWiring(output, None if switch is None else _signal(raw, "input", where), wait)
+    return wait
+
+
+def _fingers(value: object, where: str) -> FingerWiring:
+    raw = _mapping(value, where)
+    names = ("open_output", "open_input", "held_input")
+    more = {name: _signal(raw, name, where) for name in names if raw.get(name) is not None}
+    return FingerWiring(close_output=_signal(raw, "close_output", where), wait_s=_wait(raw, where), **more)
 
 
 def _signal(raw: Mapping[str, Any], key: str, where: str) -> str:

@@ -105,6 +105,7 @@ class ExecutionEvent:
     depth_m: float | None = None
     width_m: float | None = None
     vacuum: bool | None = None
+    held: bool | None = None
     stop_observed: bool | None = None
 
     def document(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""How a suction cup is wired to the controller: the output that opens its valve, the input of its vacuum switch."""
+"""How a suction cup, or fingers, are wired to the controller: the outputs of valves, the inputs of switches."""
 
 from __future__ import annotations
 
@@ -40,6 +40,29 @@ class VacuumWiring:
         """Return the wiring as a plan records it."""
         switch = {} if self.input is None else {"input": self.input}
         return {"output": self.output, **switch, "wait_s": self.wait_s}
+
+
+@dataclass(frozen=True, kw_only=True)
+class FingerWiring:
+    """How fingers are wired that are closed or wide open. Signals are named as in `VacuumWiring`.
+
+    Attributes:
+        close_output: on while the fingers close.
+        open_output: on while they open, of a valve with two coils; None where they open without the other.
+        open_input: on while they are wide open; None without a switch.
+        held_input: on while something is between them; None without a switch: then a person is asked.
+        wait_s: how long they may take; without a switch, how long they are given.
+    """
+
+    close_output: str
+    open_output: str | None = None
+    open_input: str | None = None
+    held_input: str | None = None
+    wait_s: float = DEFAULT_WAIT_S
+
+    def document(self) -> dict[str, Any]:
+        """Return the wiring as a plan records it."""
+        return {name: value for name, value in vars(self).items() if value is not None}
 
 
 def bank_and_number(signal: str) -> tuple[str, int]:

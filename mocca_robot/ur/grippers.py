@@ -6,10 +6,12 @@ import socket
 import time
 from collections.abc import Callable
 
-from mocca_robot.plan.gripper import Grip, Gripper, GripperLost, require_drivable
+from mocca_robot.plan.gripper import COMPUTE_BOX, FINGERS, Grip, Gripper, GripperLost, require_drivable
 from mocca_robot.plan.plan import Plan
 from mocca_robot.plan.status import ArmState
 from mocca_robot.tolerances import MM
+from mocca_robot.ur.digital_fingers import DigitalFingers
+from mocca_robot.ur.onrobot import RgFingers
 from mocca_robot.ur.suction import SuctionCup
 
 OPENED_INTO_SOMETHING, CLOSED_ON_SOMETHING = 1, 2
@@ -40,8 +42,8 @@ class RobotiqSocket:
     """A Robotiq 2F-85 behind its URCap's text protocol on port 63352 (variables ACT, GTO, POS, SPE, FOR, OBJ, FLT)."""
 
     PORT = 63352
-    STROKE_M = 0.085
-    FORCE_N = (20.0, 235.0)
+    STROKE_M = FINGERS["2f85"].stroke_m
+    FORCE_N = FINGERS["2f85"].force_n
     """Published range of gripping force: 0 and 255 in the register FOR."""
     TIMEOUT_S = 4.0
 
@@ -112,8 +114,16 @@ class RobotiqSocket:
         return answer.decode(errors="replace").strip()
 
 
-ROBOTIQ: dict[str, type[RobotiqSocket]] = {"2f85": RobotiqSocket}
-"""The two-finger grippers by the name that a plan gives them."""
+class HandE(RobotiqSocket):
+    """A Robotiq Hand-E: the same protocol, fingers that stay parallel, a shorter stroke."""
+
+    STROKE_M = FINGERS["hande"].stroke_m
+    FORCE_N = FINGERS["hande"].force_n
+
+
+ROBOTIQ: dict[str, type[RobotiqSocket]] = {"2f85": RobotiqSocket, "hande": HandE}
+"""Those of Robotiq's grippers by the name that a plan gives them."""
+ONROBOT = ("rg2", "rg6")
 
 
 def connect(plan: Plan, host: str) -> Gripper:
@@ -121,4 +131,9 @@ def connect(plan: Plan, host: str) -> Gripper:
     require_drivable(plan)
     if plan.cell.vacuum is not None and plan.gripper == "suction":
         return SuctionCup(host, plan.cell.vacuum, 0.5 * sum(plan.cell.gripper_stroke_m))
+    if plan.cell.fingers is not None and plan.gripper == "digital":
+        return DigitalFingers(host, plan.cell.fingers, plan.cell.gripper_stroke_m[1])
+    if plan.gripper in ONROBOT:
+        fingers = FINGERS[plan.gripper]
+        return RgFingers(plan.cell.gripper_address or COMPUTE_BOX, fingers.stroke_m, fingers.force_n[1])
     return NoGripper() if plan.gripper == "none" else ROBOTIQ[plan.gripper](host)

@@ -8,16 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from mocca_robot.plan.gripper import Grip, GripperLost
+from mocca_robot.plan.gripper import Grip
 from mocca_robot.plan.status import ArmState, ExecutionStatus
 from mocca_robot.plan.supervision import Stopped
-from mocca_robot.plan.wiring import VacuumWiring, bank_and_number
-from mocca_robot.ur.link import ChildLink, LinkLost
+from mocca_robot.plan.wiring import VacuumWiring
+from mocca_robot.ur.outputs import Outputs, is_on
 
-CALL_S = 1.0
-CONNECT_S = 8.0
-SWITCH_S = 0.5
-"""An output reads back within a few cycles."""
 FLICKER_S = 0.1
 """A vacuum switch that opens for less than this has not lost its part."""
 
@@ -30,10 +26,7 @@ class SuctionCup:
         self._middle_m = middle_m
         self._holding = False
         self._gone_at: float | None = None
-        try:
-            self._valve = ChildLink("valve", host, CONNECT_S)
-        except LinkLost as error:
-            raise GripperLost(f"the controller's digital outputs cannot be reached ({error})") from error
+        self._outputs = Outputs(host)
 
     def move(self, width_m: float, force_n: float, tick: Callable[[], ArmState]) -> Grip:
         """Switch the vacuum and wait for the switch: the grip says whether there is vacuum, None without a switch.
@@ -43,7 +36,7 @@ class SuctionCup:
         on = width_m < self._middle_m
         if not on:
             self._require_part(tick)
-        self._switch(on, tick)
+        self._outputs.switch(self._wiring.output, on, tick)
         grip = self._await(on, tick)
         self._holding, self._gone_at = on and grip.vacuum is not False, None
         return grip
@@ -78,10 +71,10 @@ class SuctionCup:
 
     def close(self) -> None:
         """Close the connection; the valve stays as it is."""
-        self._valve.kill()
+        self._outputs.close()
 
     def _is_on(self, state: ArmState) -> bool:
-        return bool(state.digital_outputs >> self._wiring.output_bit & 1)
+        return is_on(state, self._wiring.output)
 
     def _vacuum(self, state: ArmState) -> bool | None:
         bit = self._wiring.input_bit
@@ -93,20 +86,6 @@ class SuctionCup:
             if words := self.lost(state):
                 raise Stopped(ExecutionStatus.DEVIATED, words, state)
             state = tick()
-
-    def _switch(self, on: bool, tick: Callable[[], ArmState]) -> None:
-        bank, number = bank_and_number(self._wiring.output)
-        state = tick()
-        try:
-            obeyed = self._valve.call(f"set{bank.capitalize()}DigitalOut", number, on, deadline_s=CALL_S)
-        except LinkLost as error:
-            raise GripperLost(f"output {self._wiring.output} cannot be switched ({error})") from error
-        end = state.time_s + SWITCH_S
-        while obeyed and self._is_on(state) is not on and state.time_s < end:
-            state = tick()
-        if self._is_on(state) is not on:
-            asked, found = ("on", "off") if on else ("off", "on")
-            raise GripperLost(f"output {self._wiring.output} was switched {asked} and reads back as {found}")
 
     def _await(self, on: bool, tick: Callable[[], ArmState]) -> Grip:
         state = tick()

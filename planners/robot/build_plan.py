@@ -260,7 +260,7 @@ class _Attempt:
         """Return the legs of the ways to the tray and on to the structure."""
         bench = self.bench
         limit = np.asarray(bench.cell.model.joint_limit_rad)
-        opened, closed = seat.grasp.width_m + bench.cell.gripper.opening_m, seat.grasp.width_m
+        opened, closed = bench.cell.gripper.opened_m(seat.grasp.width_m), seat.grasp.width_m
         waiting = bench.waiting(name)
         seed = 2 * (self.search.seed + 1000 * self.index + self.transit_failures)
         bench.scene.assign(carried=name)

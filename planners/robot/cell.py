@@ -21,7 +21,7 @@ from mocca_robot.plan.plan import Cell, Plan
 from mocca_robot.plan.pose import six, three
 from planners.robot.cell_keys import CELL_KEYS, EXAMPLE
 from planners.robot.obstacles import CellBox, read_obstacles, require_clear
-from planners.robot.tool import Gripper, SuctionGripper, read_gripper
+from planners.robot.tool import Gripper, ParallelGripper, SuctionGripper, read_gripper
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +100,8 @@ class RobotCell:
             tool_cog_m=self.gripper.cog_m,
             gripper_stroke_m=self.gripper.stroke_m,
             vacuum=self.gripper.wiring if isinstance(self.gripper, SuctionGripper) else None,
+            fingers=self.gripper.fingers if isinstance(self.gripper, ParallelGripper) else None,
+            gripper_address=self.gripper.address if isinstance(self.gripper, ParallelGripper) else "",
             serial=self.serial,
             limits=self.limits,
             description={**self.document, "build": build, "tray": tray},

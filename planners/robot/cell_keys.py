@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mocca_robot.config.keys import Key
 from mocca_robot.plan.arm_models import MODELS
+from mocca_robot.plan.gripper import COMPUTE_BOX
 from mocca_robot.plan.limits import NUMBERS, RAISABLE, SPEEDS, MotionLimits, bounds
 from mocca_robot.plan.reader import GRIPPERS
 from mocca_robot.plan.wiring import DEFAULT_WAIT_S, SIGNALS, WAIT_S
@@ -159,6 +160,20 @@ _PARALLEL: tuple[Key, ...] = (
         high=0.1,
     ),
     Key("gripper.force_n", "number", 20.0, "N", "Force with which the fingers close.", low=1.0, high=235.0),
+    Key("gripper.address", "text", None, "", f"Of the Compute Box of `rg2` and `rg6`; default: {COMPUTE_BOX}."),
+    Key("gripper.close_output", "choice", None, "", "Of `digital`: output that closes the fingers.", known=SIGNALS),
+    Key("gripper.open_output", "choice", None, "", "Output that opens them, with two coils.", known=SIGNALS),
+    Key("gripper.open_input", "choice", None, "", "Input of the switch that shows them wide open.", known=SIGNALS),
+    Key("gripper.held_input", "choice", None, "", "Input that shows something between them.", known=SIGNALS),
+    Key(
+        "gripper.switch_wait_s",
+        "number",
+        DEFAULT_WAIT_S,
+        "s",
+        "How long `digital` fingers may take.",
+        low=WAIT_S[0],
+        high=WAIT_S[1],
+    ),
 )
 
 _SUCTION: tuple[Key, ...] = (

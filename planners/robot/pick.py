@@ -64,7 +64,7 @@ def picks(bench: Bench, name: str, seat: Seat, reasons: dict[str, int]) -> Itera
     model, scene = bench.cell.model, bench.scene
     motion = bench.waiting(name)
     flange = motion @ seat.flange
-    opened, closed = seat.grasp.width_m + bench.cell.gripper.opening_m, seat.grasp.width_m
+    opened, closed = bench.cell.gripper.opened_m(seat.grasp.width_m), seat.grasp.width_m
     grip = np.asarray(np.linalg.inv(seat.flange), dtype=np.float64)
     options, there = all_branches(model, flange[None])
     if not there.any():

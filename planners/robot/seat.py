@@ -83,7 +83,7 @@ def _seated(
     """Yield the seat with the shortest way in that begins clear of everything, and then, should no transit lead there,
     the one with the longest.
     """
-    opened, closed = grasp.width_m + bench.cell.gripper.opening_m, grasp.width_m
+    opened, closed = bench.cell.gripper.opened_m(grasp.width_m), grasp.width_m
     scene = bench.scene
     scene.place(name, np.eye(4))
     scene.assign(grasped=name)

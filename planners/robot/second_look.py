@@ -57,6 +57,8 @@ def _cell_differs(plan: Plan, cell: RobotCell) -> Iterator[PlanFinding]:
         "gripper_stroke_m",
         "workspace_m",
         "vacuum",
+        "fingers",
+        "gripper_address",
         "serial",
         "limits",
     ):

@@ -54,7 +54,7 @@ def timed_step(
     cell, grasp = bench.cell, seat.grasp
     limits = cell.limits
     body = bench.site.bodies[index]
-    opened = grasp.width_m + cell.gripper.opening_m
+    opened = cell.gripper.opened_m(grasp.width_m)
     closed = max(cell.gripper.stroke_m[0], grasp.width_m - SQUEEZE_M)
     slow, fast = limits.approach_speed_m_s, limits.transfer_speed_m_s
     quick = limits.transfer_acceleration_m_s2

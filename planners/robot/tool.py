@@ -11,8 +11,10 @@ from mocca_robot.arrays import Array
 from mocca_robot.config.keys import read_whole
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
+from mocca_robot.plan.gripper import FINGERS
 from mocca_robot.plan.pose import Six, six, three
-from mocca_robot.plan.wiring import VacuumWiring
+from mocca_robot.plan.wiring import FingerWiring, VacuumWiring
+from mocca_robot.tolerances import ROUNDING
 from planners.robot.cell_keys import EXAMPLE, GRIPPER_KEYS
 
 GRAVITY = 9.81
@@ -33,6 +35,8 @@ class ParallelGripper:
         opening_m: how much wider than the part the fingers open before and after the grasp.
         force_n: with which the fingers close.
         friction: between pads and part.
+        fingers: how fingers are wired that are only open or closed.
+        address: where the gripper listens, if the controller does not serve it.
     """
 
     name: str
@@ -46,6 +50,12 @@ class ParallelGripper:
     opening_m: float
     force_n: float
     friction: float
+    fingers: FingerWiring | None = None
+    address: str = ""
+
+    def opened_m(self, width_m: float) -> float:
+        """Return the opening in which the fingers go to a part, and leave it: some are only open or closed."""
+        return self.stroke_m[1] if self.name == "digital" else width_m + self.opening_m
 
     def too_heavy(self, mass_kg: float) -> str:
         """Return '' or why a part of this mass would slip out of the fingers."""
@@ -83,6 +93,10 @@ class SuctionGripper:
     RELEASED_M = 0.01
     opening_m = RELEASED_M
     stroke_m = (0.0, RELEASED_M)
+
+    def opened_m(self, width_m: float) -> float:
+        """Return the opening without vacuum."""
+        return width_m + self.opening_m
 
     @property
     def force_n(self) -> float:
@@ -137,6 +151,7 @@ def read_gripper(value: Any, where: str) -> Gripper:
             wiring=_wiring(value, raw, where),
         )
     stroke = raw["stroke_m"]
+    _require_published(raw, where)
     if not 0.0 <= stroke[0] < stroke[1]:
         raise InputError(f"{where}.stroke_m is {stroke.tolist()}; give the smallest opening, then the largest.")
     return ParallelGripper(
@@ -151,7 +166,52 @@ def read_gripper(value: Any, where: str) -> Gripper:
         opening_m=raw["opening_m"],
         force_n=raw["force_n"],
         friction=raw["friction"],
+        fingers=_finger_wiring(value, raw, where),
+        address=_address(value, raw, where),
     )
+
+
+def _require_published(raw: dict[str, Any], where: str) -> None:
+    """Return if stroke and force are no larger than the maker of a known gripper publishes."""
+    published = FINGERS.get(raw["name"])
+    if published is None:
+        return
+    if raw["stroke_m"][1] > published.stroke_m + ROUNDING:
+        raise InputError(
+            f"{where}.stroke_m opens to {raw['stroke_m'][1]:g} m; a {raw['name']} opens to {published.stroke_m:g} m."
+        )
+    if raw["force_n"] > published.force_n[1]:
+        raise InputError(
+            f"{where}.force_n is {raw['force_n']:g}; a {raw['name']} grips with at most {published.force_n[1]:g} N."
+        )
+
+
+def _finger_wiring(written: dict[str, Any], raw: dict[str, Any], where: str) -> FingerWiring | None:
+    names = ("close_output", "open_output", "open_input", "held_input")
+    given = [n for n in (*names, "switch_wait_s") if written.get(n) is not None]
+    if raw["name"] != "digital":
+        if given:
+            raise InputError(
+                f"{where}.{given[0]} is for fingers behind outputs: write 'name: digital', or leave it out."
+            )
+        return None
+    if raw["close_output"] is None:
+        if given:
+            raise InputError(f"{where}.{given[0]} is given, but not 'close_output': name the output that closes, too.")
+        return None
+    signals = {n: raw[n] for n in names}
+    for a, b in (("close_output", "open_output"), ("open_input", "held_input")):
+        if signals[a] is not None and signals[a] == signals[b]:
+            raise InputError(f"{where}: {a} and {b} are both {signals[a]}; two signals need two pins.")
+    return FingerWiring(**signals, wait_s=raw["switch_wait_s"])
+
+
+def _address(written: dict[str, Any], raw: dict[str, Any], where: str) -> str:
+    if written.get("address") is None:
+        return ""
+    if raw["name"] not in ("rg2", "rg6"):
+        raise InputError(f"{where}.address is for 'rg2' and 'rg6'; a {raw['name']} is reached through the controller.")
+    return str(raw["address"])
 
 
 def _wiring(written: dict[str, Any], raw: dict[str, Any], where: str) -> VacuumWiring | None:

@@ -11,7 +11,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
 from mocca_robot.plan.arm_models import RobotModel
 from mocca_robot.plan.pose import pose_of, rotation_vector, transform
-from mocca_robot.plan.wiring import VacuumWiring
+from mocca_robot.plan.wiring import SIGNALS, FingerWiring, VacuumWiring
 from mocca_robot.tolerances import ROUNDING
 from mocca_robot.ur.fake.world import Fault, Trigger, World
 
@@ -78,10 +78,12 @@ class FakeArm:
     watchdog_s: float | None = None
     unfed_s: float = 0.0
     gripper_m: float = 0.085
+    stroke_m: float = 0.085
     gripper_blocked: bool = False
     log: list[str] = field(default_factory=list)
     digital_outputs: int = 0
     wiring: VacuumWiring | None = None
+    fingers: FingerWiring | None = None
     on_cup: bool = False
     largest_speed_m_s: float = 0.0
     _executing: bool = False
@@ -359,6 +361,10 @@ class FakeArm:
     @property
     def digital_inputs(self) -> int:
         """Return one bit per input: the vacuum switch's, if there is one."""
+        if self.fingers is not None:
+            wide, held = self.gripper_m >= self.stroke_m, self.gripper_blocked
+            shown = ((self.fingers.open_input, wide), (self.fingers.held_input, held))
+            return sum(int(on) << SIGNALS.index(name) for name, on in shown if name is not None)
         if self.wiring is None or self.wiring.input_bit is None:
             return 0
         return int(self.on_cup or Fault.PART_STICKS in self.world.active) << self.wiring.input_bit
@@ -367,6 +373,8 @@ class FakeArm:
         """Set a digital output; the one of the cup's valve takes the part at the cup, or lets it go."""
         before = self.digital_outputs
         self.digital_outputs = before | 1 << bit if on else before & ~(1 << bit)
+        if self.fingers is not None and bit == SIGNALS.index(self.fingers.close_output):
+            self.close_gripper(0.0 if on else self.stroke_m)
         if self.wiring is None or bit != self.wiring.output_bit or self.digital_outputs == before:
             return
         self.begin("grip")

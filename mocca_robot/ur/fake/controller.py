@@ -20,11 +20,13 @@ from mocca_robot.arrays import Array
 from mocca_robot.errors import EnvironmentNeeded, InputError
 from mocca_robot.plan.arm_models import RobotModel, robot_model
 from mocca_robot.plan.calibration import Calibration
+from mocca_robot.plan.gripper import FINGERS
 from mocca_robot.plan.plan import Plan
 from mocca_robot.plan.pose import six
 from mocca_robot.tolerances import MM
 from mocca_robot.ur import primary
 from mocca_robot.ur.fake.arm import NORMAL, PLAYING, PROTECTIVE, ROBOT_EMERGENCY, RUNNING, SAFEGUARD, FakeArm
+from mocca_robot.ur.fake.compute_box import RG_PORT, ComputeBox
 from mocca_robot.ur.fake.rtde import VERSION, RtdeServer
 from mocca_robot.ur.fake.world import Fault, Trigger, World
 from mocca_robot.ur.priority import prefer_this_process
@@ -38,7 +40,6 @@ LONGEST_TICK_S = 0.05
 FINEST_STEP_S = 0.03
 """Of robot time: force control of the arm stays stable on a seat in steps of this length."""
 CONTROL_PORT = 30099
-STROKE_M = 0.085
 HOME = (0.0, -1.57, 1.57, -1.57, -1.57, 0.0)
 _SAFETY = {
     NORMAL: "NORMAL",
@@ -96,6 +97,11 @@ class FakeController:
         self.arm = FakeArm(model, q, world)
         if plan is not None and plan.gripper == "suction":
             self.arm.wiring = plan.cell.vacuum
+        if plan is not None:
+            self.arm.fingers = plan.cell.fingers
+            published = FINGERS.get(plan.gripper)
+            self.arm.stroke_m = self.arm.gripper_m = published.stroke_m if published else plan.cell.gripper_stroke_m[1]
+        self.rg = ComputeBox(self.arm)
         if plan is not None and plan.cell.serial:
             self.arm.serial = plan.cell.serial
         if serial is not None:
@@ -120,6 +126,7 @@ class FakeController:
             30003: self._script,
             primary.PORT: self._primary,
             63352: self._gripper,
+            RG_PORT: self.rg.serve,
             CONTROL_PORT: self._control,
         }
         servers = []
@@ -252,10 +259,10 @@ class FakeController:
             settings = dict(zip(words[1::2], words[2::2], strict=False))
             if "POS" in settings:
                 self._requested = int(settings["POS"])
-                arm.close_gripper(STROKE_M * (1.0 - self._requested / 255.0))
+                arm.close_gripper(arm.stroke_m * (1.0 - self._requested / 255.0))
             return "ack"
         values = {
-            "POS": round(255 * (1.0 - arm.gripper_m / STROKE_M)),
+            "POS": round(255 * (1.0 - arm.gripper_m / arm.stroke_m)),
             "PRE": self._requested,
             "OBJ": 2 if arm.gripper_blocked else 3,
             "STA": 3,
