@@ -37,7 +37,7 @@ from mocca_robot.plan.reader import plan_from_document
 from mocca_robot.plan.status import ArmState, ExecutionStatus
 from mocca_robot.plan.supervision import Stopped
 from mocca_robot.plan.wiring import SIGNALS, VacuumWiring
-from mocca_robot.ur import suction
+from mocca_robot.ur import outputs, suction
 from mocca_robot.ur.driver import UrArm
 from mocca_robot.ur.fake.controller import ask
 from planners.robot.tool import read_gripper
@@ -201,7 +201,7 @@ class Bench:
 
 @pytest.fixture
 def cup(monkeypatch: pytest.MonkeyPatch) -> suction.SuctionCup:
-    monkeypatch.setattr(suction, "ChildLink", Valve)
+    monkeypatch.setattr(outputs, "ChildLink", Valve)
     return suction.SuctionCup("nowhere", WIRING, 0.005)
 
 
@@ -246,7 +246,7 @@ def test_vacuum_that_does_not_come_in_its_time_is_measured_and_left_on(cup: suct
 
 
 def test_without_a_switch_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(suction, "ChildLink", Valve)
+    monkeypatch.setattr(outputs, "ChildLink", Valve)
     bench = Bench()
     blind = suction.SuctionCup("nowhere", VacuumWiring("tool_1"), 0.005)
     monkeypatch.setattr("test_ur_suction.ON", 1 << SIGNALS.index("tool_1"))
