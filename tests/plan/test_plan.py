@@ -92,7 +92,10 @@ UNREADABLE: dict[str, tuple[Edit, str]] = {
     "five": (lambda r: point(r, 0, 1, 2)["tcp"].pop(), r"step 0 .*waypoint 2: tcp has 5 numbers; 6 are needed"),
     "text": (lambda r: point(r, 0, 1, 2).update(q="home"), r"waypoint 2: q has 'home'"),
     "kind": (lambda r: r["steps"][0]["moves"][0].update(kind="transitt"), "did you mean 'transit'"),
-    "gripper": (lambda r: r.update(gripper="2f140"), "unknown gripper .2f140.; known: 2f85, none, suction"),
+    "gripper": (
+        lambda r: r.update(gripper="2f140"),
+        "unknown gripper .2f140.; known: 2f85, digital, hande, none, rg2, rg6, suction",
+    ),
     "version": (lambda r: r.update(version=2), "version 2 of mocca-robot/plan.*up to version 1.*Upgrade"),
     "no version": (lambda r: r.pop("version"), 'no "version".*plan again'),
     "format": (lambda r: r.update(format="mocca-robot/design"), 'it must be "mocca-robot/plan"'),

@@ -30,7 +30,7 @@ from ur_cell import (
 from mocca_robot.errors import InputError
 from mocca_robot.plan.dry_run import dry_run
 from mocca_robot.plan.executor import Execution, execute
-from mocca_robot.plan.gripper import require_drivable
+from mocca_robot.plan.gripper import GripperLost, require_drivable
 from mocca_robot.plan.journal import Journal, read_journal
 from mocca_robot.plan.plan import Plan, document
 from mocca_robot.plan.reader import plan_from_document
@@ -235,7 +235,7 @@ def test_an_output_switched_by_somebody_else_is_seen(cup: suction.SuctionCup) ->
 def test_an_output_that_does_not_switch_is_a_lost_gripper(cup: suction.SuctionCup) -> None:
     bench = Bench()
     Bench.broken = True
-    with pytest.raises(suction.GripperLost, match="switched on and reads back as off"):
+    with pytest.raises(GripperLost, match="switched on and reads back as off"):
         cup.move(0.0, 20.0, bench.tick)
 
 
