@@ -1,4 +1,4 @@
-"""`mocca-robot view`: a design or an assembly in the browser."""
+"""`mocca-robot view`: a design or an assembly in the browser, or a robot's plan as it is meant to go."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from mocca_robot.cli.exit_code import ExitCode
 
 DESCRIPTION = """Shows parts in the browser: the sequence, an exploded view, insertion cones, contact forces, and what
 happens when the finished assembly is let go. Needs viser: pip install mocca-robot[viewer]. Ctrl-C ends it. With
---mujoco the finished assembly is let go in MuJoCo's own window instead, where you can pull at parts."""
+--mujoco the finished assembly is let go in MuJoCo's own window instead, where you can pull at parts. Of a plan.json it
+writes a page that plays it, plan.html beside it or where --export says; nothing is rehearsed for that."""
 
 
 def add(commands: Any) -> None:
@@ -31,6 +32,8 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 after writing the page, or when Ctrl-C ends the viewer."""
+    if (plan_file := Path(args.input)).suffix == ".json" and is_plan(plan_file):
+        return _play_plan(plan_file, args)
     from mocca_robot.contacts.find import find_contacts, require_sound
     from mocca_robot.files.output import writable_folder
     from mocca_robot.motion.parts_graph import PartsGraph
@@ -62,3 +65,46 @@ def run(args: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         server.stop()
     return console.finish(ExitCode.POSITIVE, {})
+
+
+def is_plan(path: Path) -> bool:
+    """Return whether a JSON file says that it is a robot's plan."""
+    import json
+
+    from mocca_robot.files.versions import PLAN
+
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False  # whoever reads it as a model says what is wrong
+    return isinstance(content, dict) and content.get("format") == PLAN.name
+
+
+def _play_plan(path: Path, args: argparse.Namespace) -> int:
+    """Write the page that plays a plan; InputError when its design is not there."""
+    from mocca_robot.errors import InputError
+    from mocca_robot.files.design_json import read_design
+    from mocca_robot.files.output import writable_folder
+    from mocca_robot.plan.reader import read_plan
+    from mocca_robot.report.plan_page import write_plan_page
+    from sim.cell.cell_film import film
+    from sim.cell.planned import planned
+
+    console = Console(args.json)
+    if args.mujoco or args.set:
+        raise InputError(f"{path} is a plan: --mujoco and --set are for designs and assemblies.")
+    target = Path(args.export) if args.export else path.with_suffix(".html")
+    writable_folder(target.parent)
+    with console.stage("read"):
+        plan = read_plan(path)
+        source = path.parent / plan.design if plan.design else None
+        if source is None or not source.is_file():
+            raise InputError(
+                f"The design of {path} is not where the plan says ({plan.design or 'nowhere'}). Plan again."
+            )
+        design = read_design(source)
+    with console.stage("view"):
+        build = planned(plan, design)
+        file = write_plan_page(target, plan, design.assembly.name, film(build.place, build.frames, build.chapters))
+    console.say(f"wrote {file}: open it in a browser")
+    return console.finish(ExitCode.POSITIVE, {"file": str(file)})

@@ -74,7 +74,7 @@ def rehearsal_page(data: Mapping[str, Any], film: CellFilm) -> str:
     if data["interrupted"]:
         lead += " Interrupted: this is what was seen until then."
     header = f'<header class="top"><h1>{esc(data["name"])}: rehearsal {mark}</h1><p>{lead}</p>{_whole(data)}</header>'
-    body = section("player", "What happened", _player(film)) + section("parts", "Part by part", _parts(data, film))
+    body = section("player", "What happened", player(film)) + section("parts", "Part by part", _parts(data, film))
     return document(f"{data['name']}: rehearsal", header, body + _about(data), ["rehearsal.js", "viewer3d.js"])
 
 
@@ -168,7 +168,8 @@ def _about(data: Mapping[str, Any]) -> str:
     return section("about", "How this was made", f"<p>{words}</p>")
 
 
-def _player(film: CellFilm) -> str:
+def player(film: CellFilm) -> str:
+    """Return the player of a film with its data, for `rehearsal.js`."""
     rates = "".join(f'<option value="{r}"{" selected" if r == 8 else ""}>{r}×</option>' for r in (1, 2, 4, 8, 16, 32))
     rates = rates.replace(" selected", ' selected="selected"')
     controls = (
@@ -246,4 +247,4 @@ def _base64(array: NDArray[Any]) -> str:
     return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
 
 
-__all__: Sequence[str] = ("CellFilm", "Chapter", "ShownBody", "rehearsal_page", "write_rehearsal_page")
+__all__: Sequence[str] = ("CellFilm", "Chapter", "ShownBody", "player", "rehearsal_page", "write_rehearsal_page")

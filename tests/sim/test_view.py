@@ -56,3 +56,38 @@ def test_without_a_screen_the_native_viewer_says_what_else_there_is(
     monkeypatch.setattr("sim.show.native_view.sys.platform", "linux")
     assert main(["view", str(file), "--mujoco"]) == 2
     assert "needs a screen" in capsys.readouterr().err
+
+
+def test_a_plan_is_played_from_its_waypoints_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from test_rehearse import cell, pile
+
+    from mocca_robot.files.design_json import write_design
+    from mocca_robot.plan.plan import MoveKind, write_plan
+    from mocca_robot.plan.reader import file_sha256
+    from planners.robot.build_plan import build_plan
+    from sim.cell.cell_model import seat
+    from sim.cell.planned import planned
+
+    source = write_design(pile(), tmp_path)
+    plan = build_plan(pile(), cell(), file_sha256(source), design_path=source.name).plan
+    assert plan is not None
+    build = planned(plan, pile())
+    moves = plan.steps[0].moves
+    assert build.frames[0].joints[:6] == pytest.approx(moves[0].path[0].q)
+    assert build.frames[-1].joints[:6] == pytest.approx(moves[-1].path[-1].q)
+    moving = build.place.assembly.index("b0")
+    first, last = dict(build.frames[0].parts)[moving], dict(build.frames[-1].parts)[moving]
+    home = seat(build.place.assembly.parts[moving])
+    assert last.position == pytest.approx(home.position) and abs(last.quat_wxyz[0]) == pytest.approx(1.0)
+    assert np.linalg.norm(np.subtract(first.position, home.position)) > 0.1  # it waits in the tray
+    # Just before it is let go the hand has brought it there itself.
+    lasts = sum(m.path[-1].t for m in moves[: [m.kind for m in moves].index(MoveKind.INSERT) + 1]) + 1.0
+    brought = min(build.frames, key=lambda f: abs(f.time_s - lasts))
+    assert dict(brought.parts)[moving].position == pytest.approx(home.position, abs=1e-3)
+    write_plan(plan, tmp_path / "plan.json")
+    assert main(["view", str(tmp_path / "plan.json"), "--json"]) == 0
+    page = Path(json.loads(capsys.readouterr().out)["file"]).read_text()
+    assert page.count('class="step"') == 1 and "as they are written" in page
+    source.unlink()
+    assert main(["view", str(tmp_path / "plan.json")]) == 2
+    assert "not where the plan says" in capsys.readouterr().err
