@@ -108,27 +108,44 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
     """
     path = Path(path)
     where = f"'{path}'"
-    data: dict[str, Any] = {}
-    lines: dict[tuple[str, ...], int] = {}
-    said: tuple[str, ...] = ()
-    if path.suffix.lower() in (".yaml", ".yml"):
-        text = read_text(path, MAX_YAML_BYTES)
-        content = parse_yaml(text, where)
-        lines = yaml_key_lines(text)
-        if content is None:
-            raise InputError(f"{where} holds nothing but comments; it needs at least 'model: FILE'.")
-        data, said = CONFIG.current(fields.mapping(content, where), where)
-    else:
+    if path.suffix.lower() not in (".yaml", ".yml"):
         existing_path(path)
-        data = {"model": path.name or "."}
+        return configured({"model": path.name or "."}, path, path.parent if path.name else path, arguments=arguments)
+    text = read_text(path, MAX_YAML_BYTES)
+    content = parse_yaml(text, where)
+    if content is None:
+        raise InputError(f"{where} holds nothing but comments; it needs at least 'model: FILE'.")
+    data, said = CONFIG.current(fields.mapping(content, where), where)
+    return configured(data, path, path.parent, arguments=arguments, lines=yaml_key_lines(text), notes=said)
+
+
+def configured(
+    data: Mapping[str, Any],
+    source: Path,
+    folder: Path,
+    *,
+    arguments: Mapping[str, Any] | None = None,
+    lines: Mapping[tuple[str, ...], int] | None = None,
+    notes: tuple[str, ...] = (),
+) -> Config:
+    """Return the configuration that the plain mapping `data` is, as a file `source` would hold it.
+
+    Args:
+        data: keys as one writes them.
+        source: what messages and reports call it.
+        folder: where its paths begin.
+        arguments: further keys that win over those of `data`.
+        lines: where in the file every path of keys stands, from 1.
+        notes: what is to be said about the file itself.
+
+    Raises InputError as `load` does.
+    """
+    where = f"'{source}'"
     written = {**data, **(arguments or {})}
     for key, value in (arguments or {}).items():
         if isinstance(value, Mapping) and isinstance(data.get(key), Mapping):
             written[key] = {**data[key], **value}  # one key of a section leaves the others alone
-    folder = path.parent
     given = _top_level(written, where, 1.0)
-    if not path.name:
-        folder = path
     model = _model(given, written, folder, where)
     unit = given.get("units") or model.unit
     unit_m = fields.UNITS_M[unit] if "units" in given else model.unit_m
@@ -143,7 +160,7 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
     _require_carried(joints, assembly.dimension, f"{where}: joints")
     return Config(
         assembly=assembly,
-        source=path,
+        source=source,
         unit=unit,
         unit_m=unit_m,
         friction=friction,
@@ -152,8 +169,8 @@ def load(path: str | Path, arguments: Mapping[str, Any] | None = None) -> Config
         simulate=options(SimulationOptions, simulate),
         cut=options(CutOptions, cut),
         strength=_strength(given, assembly, own, where, unit_m),
-        notes=said + model.notes + _suspicions(assembly),
-        values=_effective(data, lines, arguments or {}, model),
+        notes=notes + model.notes + _suspicions(assembly),
+        values=_effective(data, lines or {}, arguments or {}, model),
     )
 
 
