@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import math
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -13,6 +14,9 @@ from typing import Any, TextIO
 
 from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.cli.voice import silence
+
+PROGRESS = "MOCCA_ROBOT_PROGRESS"
+"""Environment variable; with the value 'lines' progress is told line by line on stderr, for a program that listens."""
 
 
 class Console:
@@ -97,6 +101,10 @@ def _write(stream: TextIO, text: str) -> None:
 
 @contextmanager
 def _spinner(name: str) -> Iterator[Callable[[str], None]]:
+    if os.environ.get(PROGRESS) == "lines":
+        _write(sys.stderr, f"{PROGRESS}: {name}")
+        yield lambda text: _write(sys.stderr, f"{PROGRESS}: {name}: {text}")
+        return
     if not sys.stderr.isatty():
         yield lambda _: None
         return

@@ -34,6 +34,7 @@ from mocca_robot.cli import (
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.cli.spelling import Parser
+from mocca_robot.cli.studio import command as studio
 from mocca_robot.errors import MoccaError, NearlyTouching
 
 BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
@@ -113,6 +114,7 @@ def build_parser() -> argparse.ArgumentParser:
         design,
         simulate,
         study,
+        studio,
         view,
         check,
         strength,
