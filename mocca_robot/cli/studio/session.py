@@ -17,7 +17,7 @@ from mocca_robot.errors import InputError
 from mocca_robot.files.output import write_atomic
 
 STUCK_S = 2.0
-"""A worker that has not taken up a change by then is replaced: it is deep in a computation nobody waits for."""
+"""A worker that is by then still busy with an older change is replaced: nobody waits for that."""
 STAGES = ("input", "before", "result")
 
 
@@ -88,7 +88,7 @@ class Session:
         self.jobs = Jobs(self.folder, self._tell_jobs)
         self._new_helper = helper
         self._helper: Helper | None = None
-        self._taken = 0
+        self._working_on: int | None = None
         self._listeners: set[asyncio.Queue[dict[str, Any]]] = set()
         self._loop = asyncio.get_running_loop()
 
@@ -253,9 +253,10 @@ class Session:
         self._tell(self.document())
 
     def _replace_if_stuck(self, revision: int, helper: Helper) -> None:
-        if helper is self._helper and self._taken < revision == self.revision and helper.process.exitcode is None:
+        elsewhere = self._working_on is not None and self._working_on < revision
+        if helper is self._helper and elsewhere and revision == self.revision:
             helper.end()
-            self._helper = None
+            self._helper = self._working_on = None
             self._compute()
 
     def _listen_to(self, helper: Helper) -> None:
@@ -268,14 +269,16 @@ class Session:
         if helper is not self._helper:
             return
         if message is None:
-            self._helper = None
+            self._helper = self._working_on = None
             if self.busy:
                 text = "The computation ended unexpectedly, perhaps for want of memory. Undo, or simplify the parts."
                 self._hear_stage({"stage": "problem", "revision": self.revision, "text": text, "internal": False})
             return
         if message["stage"] == "taken":
-            self._taken = max(self._taken, message["revision"])
-        elif message["stage"] != "ready" and message.get("revision") == self.revision:
+            self._working_on = message["revision"]
+        elif message["stage"] == "idle":
+            self._working_on = None
+        elif message.get("revision") == self.revision:
             self._hear_stage(message)
 
     def _hear_stage(self, message: dict[str, Any]) -> None:

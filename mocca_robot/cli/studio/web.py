@@ -6,6 +6,7 @@ import asyncio
 import json
 import re
 from collections.abc import AsyncIterator, Awaitable, Callable
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -117,11 +118,11 @@ def application(studio: Studio, token: str, port: int) -> Guard:
         Route("/", _page(*PAGE[""])),
         Route("/studio.css", _page(*PAGE["studio.css"])),
         Route("/{script:str}.js", _script),
-        Route("/api/start", lambda request: _start(studio)),
-        Route("/api/{window}/events", lambda request: _events(studio, request)),
-        Route("/api/{window}/text", lambda request: _text(studio, request)),
-        Route("/api/{window}/drop", lambda request: _drop(studio, request), methods=["POST"]),
-        Route("/api/{window}/jobs/{number:int}/{name}", lambda request: _job_file(studio, request)),
+        Route("/api/start", partial(_start, studio)),
+        Route("/api/{window}/events", partial(_events, studio)),
+        Route("/api/{window}/text", partial(_text, studio)),
+        Route("/api/{window}/drop", partial(_drop, studio), methods=["POST"]),
+        Route("/api/{window}/jobs/{number:int}/{name}", partial(_job_file, studio)),
         *(Route(f"/api/{{window}}/{n}", posted(a), methods=["POST"]) for n, a in tasks.ANSWERS.items()),
     ]
 
@@ -152,7 +153,7 @@ async def _script(request: Request) -> Response:
     return Response(asset(name), media_type=SCRIPT)
 
 
-async def _start(studio: Studio) -> Response:
+async def _start(studio: Studio, request: Request) -> Response:
     """What can be opened, and every key with its meaning."""
     listed = [{"name": e.name, "about": e.about, "path": str(e.path)} for e in examples() if "/" not in e.name]
     found = await run_in_threadpool(opening.beside, studio.start)

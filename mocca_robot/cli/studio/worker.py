@@ -13,11 +13,6 @@ from typing import Any
 
 from mocca_robot.errors import MoccaError
 
-WARM_UP: Mapping[str, Any] = {
-    "generator": {"kind": "stack", "count": 2},
-    "fixed": ["block_1"],
-}
-
 
 class Superseded(BaseException):
     """A newer change has come: what is being computed is of no interest any more."""
@@ -66,12 +61,12 @@ def main(connection: Connection) -> None:
     _end_with_parent()
     computed: Any = None
     try:
-        connection.send({"stage": "ready"})
         desk = Desk(connection)
         while True:
             job = desk.next()
             if job["do"] == "compute":
                 computed = _compute(job, desk, connection)
+                connection.send({"stage": "idle", "revision": job["revision"]})
             elif computed is not None:
                 _answer(job, computed, connection)
     except (EOFError, OSError, KeyboardInterrupt):
