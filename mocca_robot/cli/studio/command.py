@@ -16,9 +16,10 @@ from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.errors import EnvironmentNeeded, InputError
 
 DESCRIPTION = """Opens a page in your browser on which you work: drop a drawing or meshes, or open a configuration;
-change angles, goals, bounds and loads; drag corners of flat parts; reorder the sequence; and see contacts, joints, forces and
-verdicts at once. What you save is the YAML that every other command takes. The page is served to this computer only,
-and asks the network for nothing. Needs starlette and uvicorn: pip install 'mocca-robot[studio]'. Ctrl-C ends it."""
+change angles, goals, bounds and loads; drag corners of flat parts; reorder the sequence; and see contacts, joints,
+forces and verdicts at once. What you save is the YAML that every other command takes. The page is served to this
+computer only, and asks the network for nothing. Needs starlette and uvicorn: pip install 'mocca-robot[studio]'.
+Ctrl-C ends it."""
 INSTALL = "The studio needs starlette and uvicorn: `pip install 'mocca-robot[studio]'`."
 PORT = 8420
 TRIED = 20

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -26,6 +27,8 @@ LARGEST_DROP = 64 * 1024 * 1024
 """Bytes that are taken in one drop; larger models are opened from the command line."""
 MOST_FILES = 500
 CONFIGURATIONS = (".yaml", ".yml")
+FILES = ("surface", "lines")
+"""Parameters of generators that name files."""
 OFFERED = (*CONFIGURATIONS, ".svg", ".dxf", ".3mf", ".glb")
 """Endings of files that are offered to be opened; .json and single meshes are more often parts of something."""
 
@@ -84,6 +87,7 @@ def unpack(files: Sequence[tuple[str, bytes]], folder: Path) -> Path:
         written.append(write_atomic(target, content))
     configurations = [f for f in written if f.suffix.lower() in CONFIGURATIONS]
     if len(configurations) == 1:
+        _require_dropped(configurations[0], folder)
         return configurations[0]
     if len(configurations) > 1:
         named = ", ".join(f.name for f in configurations[:4])
@@ -94,6 +98,22 @@ def unpack(files: Sequence[tuple[str, bytes]], folder: Path) -> Path:
     if len(parents) > 1:
         raise InputError("The files lie in several folders; drop one folder of meshes, or one configuration.")
     return parents.pop()
+
+
+def _require_dropped(configuration: Path, folder: Path) -> None:
+    """Raise InputError where a dropped configuration needs a file that was not dropped with it."""
+    data = open_path(configuration)[0].data
+    generator = data.get("generator")
+    named = [data.get("model"), *((generator.get(k) for k in FILES) if isinstance(generator, Mapping) else ())]
+    for name in named:
+        if not isinstance(name, str):
+            continue
+        file = (configuration.parent / name).resolve()
+        if not file.is_relative_to(folder.resolve()) or not file.exists():
+            raise InputError(
+                f"'{configuration.name}' needs '{name}', which was not dropped with it; drop both (keep their "
+                "folders), or start with `mocca-robot studio FILE`."
+            )
 
 
 def with_corner_moved(
@@ -134,16 +154,20 @@ def beside(folder: Path) -> list[dict[str, str]]:
     for pattern in ("*", "*/*"):
         for path in folder.glob(pattern):
             hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
-            if (
-                not hidden
-                and path.suffix.lower() in (".yaml", ".yml", ".svg", ".dxf", ".3mf", ".glb")
-                and path.is_file()
-            ):
+            if not hidden and path.suffix.lower() in OFFERED and path.is_file() and _holds_parts(path):
                 found.append((path.stat().st_mtime, path))
             if len(found) >= 2000:
                 break
     found.sort(key=lambda item: -item[0])
     return [{"path": str(p), "name": p.relative_to(folder).as_posix()} for _, p in found[:200]]
+
+
+def _holds_parts(path: Path) -> bool:
+    """Return whether a YAML file looks like a configuration; other files do."""
+    if path.suffix.lower() not in CONFIGURATIONS:
+        return True
+    with path.open("rb") as stream:
+        return re.search(rb"^(model|generator)\s*:", stream.read(65536), re.MULTILINE) is not None
 
 
 def as_mapping(content: object) -> Mapping[str, Any]:

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from mocca_robot.cli.studio.history import Saved, Snapshot
+from mocca_robot.cli.studio.opening import FILES
 from mocca_robot.config.schema import KEYS
 from mocca_robot.files.documents import yaml_key_lines, yaml_text
 from mocca_robot.files.output import move_into_place, write_atomic
 
 WIDE = 110
-FILES = ("surface", "lines")
-"""Parameters of generators that name files."""
 
 
 def as_yaml(data: Mapping[str, Any], earlier: str | None = None, was: Mapping[str, Any] | None = None) -> str:

@@ -94,10 +94,10 @@ class Session:
 
     # --- what the page asks for
 
-    def open(self, path: Path, units: str | None = None) -> None:
-        """Begin anew with a file or folder. Raises InputError."""
+    def open(self, path: Path, units: str | None = None, example: bool = False) -> None:
+        """Begin anew with a file or folder; an example is saved elsewhere. Raises InputError."""
         snapshot, saved = opening.open_path(path, units)
-        self._begin(snapshot, saved)
+        self._begin(snapshot, Saved(None, saved.text, saved.data) if example else saved)
 
     def drop(self, files: list[tuple[str, bytes]], units: str | None) -> None:
         """Begin anew with dropped files. Raises InputError."""

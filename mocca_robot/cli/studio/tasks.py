@@ -17,7 +17,9 @@ Asked = Mapping[str, Any]
 
 
 def _open(session: Session, asked: Asked) -> None:
-    session.open(session.start / fields.text(asked.get("path"), "path"), asked.get("units") or None)
+    session.open(
+        session.start / fields.text(asked.get("path"), "path"), asked.get("units") or None, bool(asked.get("example"))
+    )
 
 
 def _change(session: Session, asked: Asked) -> None:

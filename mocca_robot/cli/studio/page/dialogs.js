@@ -17,10 +17,10 @@ export const load = async () => {
   const answer = await fetch("/api/start");
   beginning = await answer.json();
   state.keys = beginning.keys;
-  const entry = (name, about, path) => el("li", {}, el("button", { type: "button", onclick: () => open(path) }, el("b", {}, name), el("span", {}, about)));
+  const entry = (name, about, path, example = false) => el("li", {}, el("button", { type: "button", onclick: () => open(path, example) }, el("b", {}, name), el("span", {}, about)));
   $("beside").replaceChildren(...beginning.beside.slice(0, 24).map((f) => entry(f.name, "", f.path)));
   if (!beginning.beside.length) $("beside").append(el("li", { className: "mute" }, `Nothing to open in ${beginning.folder}.`));
-  $("examples").replaceChildren(...beginning.examples.map((e) => entry(e.name, e.about, e.path)));
+  $("examples").replaceChildren(...beginning.examples.map((e) => entry(e.name, e.about, e.path, true)));
   changed("settings");
 };
 
@@ -31,7 +31,7 @@ const settle = (answer) => {
   if (!answer.ok && state.doc.open && !$("welcome").hidden === false) toast(answer.error);
   if (answer.ok) { showWelcome = false; changed("document"); }
 };
-const open = async (path) => settle(await post("open", { path, units: $("units").value || null }));
+const open = async (path, example) => settle(await post("open", { path, example, units: $("units").value || null }));
 export const take = async (files) => {
   if (!files.length) return;
   settle(await drop(files, $("units").value || null));

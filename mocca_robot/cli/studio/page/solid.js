@@ -226,7 +226,7 @@ export const draw = () => {
   poses = parts().map((_, k) => pose(k, wave));
   parts().forEach((part, k) => {
     const where = poses[k], tag = labels[k];
-    tag.style.display = where && state.layers.names ? "" : "none";
+    tag.style.display = where && state.layers.names && (!part.fixed || picked?.part === k) ? "" : "none";
     if (!where) return;
     putMesh(now[k], part, where);
     let rgb = part.fixed ? colours.fixed : colours.parts[part.colour];
