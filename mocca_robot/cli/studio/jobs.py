@@ -176,7 +176,7 @@ def _document(told: str) -> dict[str, Any]:
 def _files(document: dict[str, Any]) -> list[str]:
     files = document.get("files", {})
     listed = list(files.values()) if isinstance(files, dict) else list(files)
-    return [f for f in listed if isinstance(f, str)] + [document["file"]] * isinstance(document.get("file"), str)
+    return [f for f in (*listed, document.get("file")) if isinstance(f, str)]
 
 
 def _words(state: str, document: dict[str, Any], messages: list[str]) -> str:
