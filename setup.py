@@ -10,7 +10,8 @@ setup(
     package_dir=FOLDERS,
     package_data={name: ["*.yaml", "*.svg", "*.obj", "*.json"] for name in FOLDERS}
     | {
-        "mocca_robot.report": ["assets/*"], "mocca_robot.cli.studio": ["page/*"],
+        "mocca_robot.report": ["assets/*"],
+        "mocca_robot.cli.studio": ["page/*"],
         "mocca_robot.ur": ["*.script"],
         "mocca_robot": ["*.pyi", "py.typed"],
         "planners": ["*.pyi"],

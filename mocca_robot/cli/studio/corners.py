@@ -19,6 +19,8 @@ from mocca_robot.geometry.polygons import to_shapely
 
 NEAR = 1e-4
 """Share of the assembly's size within which points are one."""
+VANISHED = 1e-3
+"""Share of its area below which a part has vanished: nobody drags that far on purpose."""
 
 
 def drag(assembly: Assembly, corner: Array, to: Array) -> Assembly:
@@ -91,5 +93,5 @@ def _between(start: Array, end: Array, points: Array, near: float) -> Array:
 def _require_sound(name: str, old: Polygon, rings: Sequence[Array]) -> None:
     turned = any((signed_area(new) > 0) != (signed_area(was) > 0) for new, was in zip(rings, old.rings))
     shape = None if turned else to_shapely(Polygon(rings[0], tuple(rings[1:]), old.thickness))
-    if shape is None or not shapely.is_valid(shape) or shapely.area(shape) < 1e-3 * shapely.area(to_shapely(old)):
+    if shape is None or not shapely.is_valid(shape) or shapely.area(shape) < VANISHED * shapely.area(to_shapely(old)):
         raise InputError(f"With its corner there '{name}' would cross itself or vanish; keep it inside its neighbours.")

@@ -25,6 +25,7 @@ from mocca_robot.report.palette import part_colours
 from mocca_robot.report.pictures import joint_shape
 from mocca_robot.report.scene3d import packed
 from mocca_robot.statics.cases import CaseVerdict
+from mocca_robot.tolerances import ANGLE_ROUNDING_RAD
 
 RIM = 24
 """Directions around a solid part's cone in which its reach is drawn."""
@@ -200,7 +201,7 @@ def _cone(normals: Array, out: Array) -> Any:
     if len(out) == 2:
         free = free_interval(normals, out)
         return None if free is None else numbers(np.rad2deg(free))
-    if len(normals) and float((normals @ out).min()) < -1e-6:
+    if len(normals) and float((normals @ out).min()) < -ANGLE_ROUNDING_RAD:
         return None
     axes = tangent_axes(out)
     azimuths = np.linspace(0.0, 2 * np.pi, RIM, endpoint=False)
