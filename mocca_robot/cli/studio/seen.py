@@ -162,7 +162,8 @@ def resultants(pairs: IntArray, points: Array, vectors: Array) -> tuple[IntArray
     unique, owner = np.unique(pairs, axis=0, return_inverse=True)
     owner = owner.ravel()
     weight = np.linalg.norm(vectors, axis=1)
-    total = np.maximum(np.bincount(owner, weights=weight), 1e-300)
+    total = np.bincount(owner, weights=weight)
+    total[total == 0.0] = 1.0
 
     def summed(values: Array) -> Array:
         return np.stack([np.bincount(owner, weights=column) for column in values.T], axis=1)
