@@ -58,7 +58,7 @@ def test_snapshots_stay_as_they_were() -> None:
         (["density"], "[", "density"),
         (["parts", "low", "density"], "-1", "density"),
         (["model"], "/etc/passwd", "model"),
-        ([], "1", ""),
+        ([], "1", "not changed here"),
     ],
 )
 def test_refused_values_name_key_and_limit(path: list[str], value: str, named: str) -> None:
