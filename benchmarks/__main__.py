@@ -66,6 +66,7 @@ def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement
     from benchmarks.builds import builds
     from benchmarks.contacts import contacts
     from benchmarks.growth import growth
+    from benchmarks.load_agreement import agreement_loads
     from benchmarks.physics import insertions, physics
     from benchmarks.plans import plans
     from benchmarks.profile import profile
@@ -74,6 +75,7 @@ def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement
     return {
         "agreement": agreement,
         "agreement_configs": agreement_configs,
+        "agreement_loads": agreement_loads,
         "builds": builds,
         "statics": statics.statics,
         "tilt_sweep": statics.tilt_sweep,

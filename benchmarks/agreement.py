@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -105,17 +106,26 @@ def agreement(quick: bool = False, only: str | None = None) -> Iterator[Measurem
     cases = [(FLAT_KINDS[k % len(FLAT_KINDS)], k // len(FLAT_KINDS)) for k in range(flat)]
     cases += [(SOLID_KINDS[k % len(SOLID_KINDS)], k // len(SOLID_KINDS)) for k in range(solid)]
     named = ((f"{kind}-{seed}", partial(random_case, kind, seed)) for kind, seed in cases)
-    yield from _rows("agreement", named, only)
+    yield from rows("agreement", named, only)
 
 
 def agreement_configs(quick: bool = False, only: str | None = None) -> Iterator[Measurement]:
     """Yield a row per configuration, friction and azimuth, of the built design; flat ones only when `quick`."""
-    yield from _rows("agreement_configs", _config_cases(quick, only), only)
+    yield from rows("agreement_configs", _config_cases(quick, only), only)
 
 
-def _rows(
-    bench: str, cases: Iterable[tuple[str, Callable[[], Comparison | str]]], only: str | None
+class Told(Protocol):
+    """What was compared, in words."""
+
+    def words(self) -> str:
+        """Return 'agree', 'near' (nothing to compare) or 'DISAGREE', with the evidence."""
+        ...
+
+
+def rows(
+    bench: str, cases: Iterable[tuple[str, Callable[[], Told | str]]], only: str | None, of: str = ""
 ) -> Iterator[Measurement]:
+    """Yield a row per named case, one a core at a time, then the sums; `of` says what of."""
     sums: dict[str, int] = {}
     total = 0.0
     wanted = ((name, find) for name, find in cases if not only or only in name)
@@ -131,7 +141,7 @@ def _rows(
         told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(sums.items()))
         yield Measurement(
             bench=bench,
-            case="all",
+            case=f"all {of}".strip(),
             tool="statics|physics",
             seconds=total,
             repeats=1,
@@ -141,7 +151,7 @@ def _rows(
         )
 
 
-def _row(case: tuple[str, str, Callable[[], Comparison | str]]) -> Measurement:
+def _row(case: tuple[str, str, Callable[[], Told | str]]) -> Measurement:
     bench, name, find = case
     started = time.process_time()
     found = find()

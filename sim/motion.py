@@ -13,6 +13,7 @@ import numpy as np
 from mocca_robot.arrays import Array, IntArray, read_only
 from mocca_robot.assembly import Assembly, Mesh, Polygon
 from mocca_robot.errors import MoccaError
+from sim.forces import forces_of
 from sim.heard import heard
 from sim.scene import Compiled
 from sim.settings import ENERGY_GROWTH, OVERLAP
@@ -91,12 +92,17 @@ def run(
     times, poses, moved, speeds = [0.0], [data.qpos[compiled.qpos]], [np.zeros(len(far))], [np.zeros(len(far))]
     failure = overlap(compiled, data)
     gentle = round(gentle_s / model.opt.timestep)
+    forces = forces_of(compiled)
     # Views into `data`: asking for them after every step would take as long as a step of a small structure.
     iterations, energy, velocity, most = data.solver_niter, data.energy, data.qvel, model.opt.iterations
     ceiling = before + allowed if watch_energy else np.inf
     step = 0
     for step in range(1, (planned if failure is None else 0) + 1):
+        if forces is not None:
+            forces.put(data)
         mujoco.mj_step(model, data)
+        if forces is not None:
+            ceiling += forces.work(data, model.opt.timestep)
         if step <= gentle:
             velocity[:] = 0.0
         grew = energy[0] + energy[1] > ceiling
@@ -199,7 +205,8 @@ def displacement_and_speed(compiled: Compiled, data: Any, start: Array, far: Arr
 
 def _falling_energy(compiled: Compiled, far: Array) -> float:
     mass = np.array([compiled.scene.assembly.parts[p].mass for p in compiled.parts])
-    return float((mass * far).sum() * np.linalg.norm(compiled.scene.gravity))
+    pushed = sum(float(np.linalg.norm(push.force)) * float(far.max()) for push in compiled.scene.pushes)
+    return float((mass * far).sum() * np.linalg.norm(compiled.scene.gravity)) + pushed
 
 
 def _points(shape: Polygon | Mesh) -> Array:

@@ -10,7 +10,7 @@ from mocca_robot.errors import InputError, nearest
 from sim.insertion.hand import HandOptions, PlacingError
 from sim.robust import RobustOptions
 
-STAGES = ("states", "tilt", "insertion", "robust")
+STAGES = ("states", "tilt", "loads", "insertion", "robust")
 TILT_FRICTIONS = (0.0, 0.3)
 
 
@@ -19,8 +19,8 @@ class Questions:
     """What to ask physics.
 
     Attributes:
-        stages: any of 'states', 'tilt', 'insertion', 'robust'.
-        friction: Coulomb coefficient in states, insertions and robustness trials.
+        stages: any of 'states', 'tilt', 'loads', 'insertion', 'robust'.
+        friction: Coulomb coefficient in states, loads, insertions and robustness trials.
         tilt_frictions: one tilt table each; `friction` is added when missing. None: `TILT_FRICTIONS`, of which those
             with friction are left out, with a note, where a structure is so large that they would take hours.
         azimuths: of the tilt table in 3D (2D: right and left).
@@ -33,7 +33,7 @@ class Questions:
         threads: None = one per core.
     """
 
-    stages: tuple[str, ...] = ("states", "tilt", "insertion")
+    stages: tuple[str, ...] = ("states", "tilt", "loads", "insertion")
     friction: float = 0.0
     tilt_frictions: tuple[float, ...] | None = None
     azimuths: int = 8

@@ -10,6 +10,7 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray, read_only
 from mocca_robot.assembly import Assembly
 from mocca_robot.errors import InputError
+from mocca_robot.statics.applied import Push
 from sim.heard import listen
 from sim.settings import Settings
 from sim.shapes.body_order import body_order
@@ -47,6 +48,7 @@ class Scene:
         gravity: (d,) as the structure feels it, m/s².
         settings: solver and friction.
         hand: drives a part; None when all parts are left alone.
+        pushes: forces of loads on parts where they belong, see `sim.forces`.
     """
 
     assembly: Assembly
@@ -56,6 +58,7 @@ class Scene:
     gravity: Array
     settings: Settings
     hand: PushingHand | None = None
+    pushes: tuple[Push, ...] = ()
 
     @property
     def free(self) -> BoolArray:
@@ -153,13 +156,14 @@ def compile_scene(scene: Scene) -> Compiled:
     return Compiled(scene, model, read_only(parts, np.int64), read_only(qpos, np.int64), read_only(dof, np.int64))
 
 
-def with_gravity(compiled: Compiled, gravity: Array) -> Compiled:
-    """Return the same model under another gravity (d,); nothing is compiled again."""
+def with_gravity(compiled: Compiled, gravity: Array, pushes: tuple[Push, ...] = ()) -> Compiled:
+    """Return the same model under another gravity (d,) and the forces of loads; nothing is compiled again."""
     import copy
 
     model = copy.copy(compiled.model)
     model.opt.gravity[:] = embed(np.asarray(gravity))
-    return Compiled(replace(compiled.scene, gravity=gravity), model, compiled.parts, compiled.qpos, compiled.dof)
+    scene = replace(compiled.scene, gravity=gravity, pushes=pushes)
+    return Compiled(scene, model, compiled.parts, compiled.qpos, compiled.dof)
 
 
 def with_timestep(compiled: Compiled, timestep: float) -> Compiled:

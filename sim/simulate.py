@@ -19,6 +19,7 @@ from mocca_robot.contacts.find import find_contacts, require_exact, require_soun
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.content_hash import assembly_hash
 from mocca_robot.statics.cases import solve_case
+from mocca_robot.statics.load_factor import asked_combinations, load_factors
 from mocca_robot.statics.loads import LoadCase, state_cases
 from mocca_robot.statics.solution import Status
 from mocca_robot.verdicts.physics import PartInsertion, Simulation
@@ -36,6 +37,9 @@ from sim.trial_rows import (
     Carried,
     detailed_tilt_row,
     insertion_rows,
+    load_of,
+    load_row,
+    rubbing_load_row,
     rubbing_state_row,
     rubbing_tilt_row,
     state_of,
@@ -46,7 +50,7 @@ from sim.trial_rows import (
 )
 from sim.trial_store import Row, Trial, TrialStore, run_trials
 
-METHOD = {"state": 12, "tilt": 12, "insert": 14, "robust": 15}
+METHOD = {"state": 12, "tilt": 12, "load": 1, "insert": 14, "robust": 15}
 """Raise what a trial's verdict is reached by in another way: trials kept from before then run again."""
 MANY_RUNS = 60
 """About how many insertions make up for starting processes: each step of theirs runs Python, which threads share."""
@@ -98,7 +102,7 @@ def simulate(
         notes=_near_misses(report),
     )
     seconds: dict[str, float] = {}
-    for group in ((work.states,), (work.tilt, work.insertion), (work.robust,)):
+    for group in ((work.states,), (work.tilt, work.loads, work.insertion), (work.robust,)):
         asked = [stage for stage in group if stage.__name__ in questions.stages]
         if asked and not result.interrupted:
             started = time.perf_counter()
@@ -197,6 +201,24 @@ class _Work:
             return replace(s, tilt=tuple(tilt_of(r) for r in rows), notes=(*s.notes, *notes))
 
         return _Stage(trials, told)
+
+    def loads(self, so_far: Simulation) -> _Stage:
+        friction = self.ask.friction
+        touching = None if friction > 0.0 else self._choose_touching(0.0)
+        trials: list[Trial] = []
+        for combination, found in zip(
+            asked_combinations(self.assembly), load_factors(self.graph, friction), strict=True
+        ):
+            if found.steps == 0 or found.factor is None:  # statics says why nothing is said of it
+                continue
+            if touching is None:
+                find_out = partial(rubbing_load_row, rubbing(self.graph, friction), combination, found)
+            else:
+                find_out = partial(load_row, self.graph, touching, combination, found)
+            acting = (dict(combination.factors), combination.gravity, combination.states, *self.assembly.actions)
+            content = (*self._identity("load", friction), combination.name, acting, friction)
+            trials.append(Trial(f"load {combination.name}", content, find_out, takes_long=friction > 0.0))
+        return _Stage(trials, lambda s, rows: replace(s, loads=tuple(load_of(r) for r in rows)))
 
     def _states(self, friction: float) -> Callable[[LoadCase], Callable[[], Row]]:
         """Return what makes, of a state, a function that finds out whether it stands."""

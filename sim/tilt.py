@@ -13,20 +13,11 @@ from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import case_at, critical_tilt
 from mocca_robot.statics.loads import tilt_azimuths, tilted_gravity
 from mocca_robot.verdicts.agreement import TILT_AGREEMENT_DEG
-from mocca_robot.verdicts.physics import TiltVerdict, Verdict
-from sim.bracket import bracket
-from sim.disagreement import cause
+from mocca_robot.verdicts.physics import TiltVerdict
+from sim.critical import Search, critical
 from sim.scene import Compiled, compile_scene, with_gravity
 from sim.shapes.contact_model import ContactModel, PairRays, facet_pairs, holding_model
-from sim.stability import (
-    LIMITS,
-    StabilityLimits,
-    StabilityReport,
-    at_once,
-    confirmed,
-    contact_points,
-    free_scene,
-)
+from sim.stability import LIMITS, StabilityLimits, contact_points, free_scene
 
 RESOLUTION, COARSE_RESOLUTION = np.deg2rad(0.1), np.deg2rad(0.5)
 """Width at which the bisection ends; with more contact points than `finest_points` a run takes minutes."""
@@ -87,72 +78,31 @@ def physical_tilt(
     Statics gives the first guess (`guess_rad`, when it is known already); every bracket is then confirmed by runs of
     its own, so a wrong guess costs time, not truth. (A ramp or a hinged platform overshoots by 0.4° to 2°: inertia
     holds parts back.)
-
-    Falls are believed without finer steps first and only the smallest tilt that fell is confirmed; when finer steps
-    hold it, the search goes on above it with every fall confirmed. A fall below statics' tilt by more than the two may
-    differ has to survive all finer steps and the finest; where it does not, the search goes on with falls that do,
-    from the least tilt that agrees, in steps of `DOUBTED_RESOLUTION`. What then disagrees is told with its cause.
+    What else makes a fall believed: see `sim.critical`.
     """
     scene = compiled.scene
     if resolution_rad is None:
         resolution_rad = float(RESOLUTION if contact_points(compiled) <= limits.finest_points else COARSE_RESOLUTION)
     guess = critical_tilt(graph, azimuth_rad) if guess_rad is None else guess_rad
-    quick: dict[float, StabilityReport] = {}
-    sure: dict[float, StabilityReport] = {}
-    doubted: dict[float, StabilityReport] = {}
 
     def scene_at(angle: float) -> Compiled:
         return with_gravity(compiled, tilted_gravity(scene.assembly.gravity, angle, azimuth_rad))
 
-    def stands_at_once(angle: float) -> bool:
-        if angle not in quick:
-            quick[angle] = at_once(scene_at(angle), limits)
-        return quick[angle].stands
-
-    def stands(angle: float) -> bool:
-        if not stands_at_once(angle) and angle not in sure:
-            sure[angle] = confirmed(scene_at(angle), quick[angle], limits)
-        return sure.get(angle, quick[angle]).stands
-
-    def stands_after_all(angle: float) -> bool:
-        if not stands_at_once(angle) and angle not in doubted:
-            doubted[angle] = sure[angle] = confirmed(scene_at(angle), quick[angle], limits, doubted=True)
-        return doubted.get(angle, quick[angle]).stands
-
-    def early(angle: float) -> bool:
-        return guess - angle > TILT_AGREEMENT_RAD[scene.assembly.dimension] - resolution_rad
-
-    low, high = bracket(stands_at_once, guess, resolution_rad)
-    if early(high) and stands_after_all(high):
-        as_late_as_agrees = guess - TILT_AGREEMENT_RAD[scene.assembly.dimension]
-        doubtful = max(resolution_rad, float(DOUBTED_RESOLUTION))
-        low, high = bracket(stands_after_all, as_late_as_agrees, doubtful, high)
-    if not early(high) and high < np.pi / 2:
-        if stands(high):
-            low, high = bracket(stands, guess, resolution_rad, high)
-        elif high - low > resolution_rad:
-            low, high = bracket(stands, guess, resolution_rad, low)
-    moved = sure[high].moved if high in sure else ()
-    failed = tuple(a for a, found in sure.items() if found.verdict is Verdict.FAILED)
-    if high >= np.pi / 2:
-        return TiltVerdict(
-            azimuth_rad=azimuth_rad,
-            critical_rad=np.pi / 2,
-            statics_rad=guess,
-            friction=0.0,
-            moved=moved,
-            failed=failed,
-        )
-    why = ""
-    if early(high) and sure[high].verdict is Verdict.FELL:
-        why = cause(scene_at(high), sure[high])
+    search = Search(
+        guess=guess,
+        agreement=TILT_AGREEMENT_RAD[scene.assembly.dimension],
+        resolution=resolution_rad,
+        doubtful=float(DOUBTED_RESOLUTION),
+    )
+    found = critical(scene_at, search, limits)
+    never = found.high >= np.pi / 2
     return TiltVerdict(
         azimuth_rad=azimuth_rad,
-        critical_rad=0.5 * (low + high),
+        critical_rad=np.pi / 2 if never else 0.5 * (found.low + found.high),
         statics_rad=guess,
         friction=0.0,
-        moved=moved,
-        failed=failed,
-        within_rad=0.5 * (high - low),
-        cause=why,
+        moved=found.moved,
+        failed=found.failed,
+        within_rad=0.0 if never else 0.5 * (found.high - found.low),
+        cause=found.cause,
     )

@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any, TypeVar
 
+from mocca_robot.actions import Combination
 from mocca_robot.motion.parts_graph import PartsGraph
+from mocca_robot.statics.load_factor import LoadFactor
 from mocca_robot.statics.loads import LoadCase
 from mocca_robot.statics.solution import Status
-from mocca_robot.verdicts.physics import InsertionTrial, StateVerdict, TiltVerdict, Verdict
-from sim import states
-from sim.coulomb import verdicts
+from mocca_robot.verdicts.physics import InsertionTrial, LoadVerdict, StateVerdict, TiltVerdict, Verdict
+from sim import loads, states
+from sim.coulomb import loading, verdicts
 from sim.coulomb.judge import Rubbing
 from sim.insertion.directions import Direction, InsertionCone
 from sim.insertion.hand import PlacingError
@@ -23,7 +25,7 @@ from sim.shapes.contact_model import ContactModel, PairRays, holding_model
 from sim.tilt import detailed_tilt, physical_tilt
 from sim.trial_store import Row
 
-Result = TypeVar("Result", StateVerdict, TiltVerdict, InsertionTrial)
+Result = TypeVar("Result", StateVerdict, TiltVerdict, LoadVerdict, InsertionTrial)
 
 
 def state_row(graph: PartsGraph, touching: ContactModel | Sequence[PairRays], case: LoadCase) -> Row:
@@ -50,6 +52,21 @@ def detailed_tilt_row(graph: PartsGraph, rays: Sequence[PairRays], azimuth: floa
 def rubbing_tilt_row(rubs: Rubbing, azimuth: float) -> Row:
     """Return the critical tilt with friction towards one azimuth (rad)."""
     return asdict(verdicts.tilt_verdict(rubs, azimuth))
+
+
+def load_row(
+    graph: PartsGraph,
+    touching: ContactModel | Sequence[PairRays],
+    combination: Combination,
+    expected: LoadFactor,
+) -> Row:
+    """Return how much of a load stands without friction; `touching` as `simulate` prepares it."""
+    return asdict(loads.load_verdict(graph, touching, combination, expected))
+
+
+def rubbing_load_row(rubs: Rubbing, combination: Combination, expected: LoadFactor) -> Row:
+    """Return how much of a load stands with friction."""
+    return asdict(loading.load_verdict(rubs, combination, expected))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +116,11 @@ def state_of(row: Row, friction: float) -> StateVerdict:
 def tilt_of(row: Row) -> TiltVerdict:
     """Return the verdict that a row was kept of."""
     return _restored(TiltVerdict, row)
+
+
+def load_of(row: Row) -> LoadVerdict:
+    """Return the verdict that a row was kept of."""
+    return _restored(LoadVerdict, row)
 
 
 def trials_of(row: Row) -> tuple[InsertionTrial, ...]:

@@ -19,8 +19,8 @@ from mocca_robot.report import reserves, tilt_words
 from mocca_robot.report.case_words import goal_words
 from mocca_robot.report.strength import MILLIMETRES, strength_words
 from mocca_robot.strength.strength_json import strength_to_data
-from mocca_robot.verdicts.agreement import agree
-from mocca_robot.verdicts.physics import Simulation, StateVerdict, TiltVerdict, Tries
+from mocca_robot.verdicts.agreement import agree, times
+from mocca_robot.verdicts.physics import LoadVerdict, Simulation, StateVerdict, TiltVerdict, Tries
 from mocca_robot.verdicts.simulation_json import simulation_to_data
 
 
@@ -102,6 +102,8 @@ def physics_words(simulation: Simulation) -> str:
         said.append(f"{stand} of {len(states)} states stand, {same} agree with statics")
     if simulation.tilt:
         said.append(f"falls at a tilt of {_critical_tilts(simulation.tilt)}")
+    if simulation.loads:
+        said.append(_loads(simulation.loads))
     if simulation.trials:
         inside, outside = (Tries.of([t for t in simulation.trials if t.inside is side]) for side in (True, False))
         said.append(
@@ -113,7 +115,11 @@ def physics_words(simulation: Simulation) -> str:
             f"{robust.succeeded} of {robust.trials} disturbed builds stand "
             f"({robust.low:.0%} to {robust.high:.0%} at {robust.confidence:.0%} confidence)"
         )
-    verdicts: tuple[StateVerdict | TiltVerdict, ...] = (*simulation.states, *simulation.tilt)
+    verdicts: tuple[StateVerdict | TiltVerdict | LoadVerdict, ...] = (
+        *simulation.states,
+        *simulation.tilt,
+        *simulation.loads,
+    )
     engines = dict.fromkeys([simulation.engine, *(simulation.engine_of(v) for v in verdicts)])
     return f"{', '.join(engines)}: " + ("; ".join(said) or "nothing was asked")
 
@@ -127,6 +133,13 @@ def _critical_tilts(tilts: Sequence[TiltVerdict]) -> str:
         given = f" with friction {friction:g}" if friction else ""
         said.append(f"{least:.2f}°{given} (statics at most {apart:.2f}° apart)")
     return ", ".join(said)
+
+
+def _loads(loads: Sequence[LoadVerdict]) -> str:
+    """Return the load of which least stands, and how far statics is off on any."""
+    least = min(loads, key=lambda f: f.factor)
+    apart = max(f.apart for f in loads)
+    return f"takes {times(least)} '{least.name}' (statics at most {apart:.1%} apart)"
 
 
 def document(outcome: DesignOutcome, supports: tuple[str, ...]) -> dict[str, Any]:

@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from sim.questions import Questions
 
 DESCRIPTION = """Asks physics about a design, or about parts as they are: whether every state of the sequence stands, at
-which tilt it falls, and whether every part goes in along all directions of its cone. Results go to simulation.json and
-report.html beside the design. Without --states, --tilt, --insert or --robust, it does the first three."""
+which tilt and under how much of every load it falls, and whether every part goes in along all directions of its cone.
+Results go to simulation.json and report.html beside the design. Without --states, --tilt, --loads, --insert or
+--robust, it does all but the last."""
 
 
 def add(commands: Any) -> None:
@@ -44,6 +45,7 @@ def add_questions(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="find the tilt at which it falls, towards each azimuth, with and without friction",
     )
+    group.add_argument("--loads", action="store_true", help="find how much of every load it takes before it falls")
     group.add_argument(
         "--insert", action="store_true", help="insert every part along its cone: axis, rim, just outside"
     )
@@ -61,7 +63,13 @@ def questions(args: argparse.Namespace, config: Any) -> Questions:
     """Return what is asked of physics: arguments before configuration before defaults."""
     from sim.questions import Questions
 
-    asked = {"states": args.states, "tilt": args.tilt, "insertion": args.insert, "robust": args.robust}
+    asked = {
+        "states": args.states,
+        "tilt": args.tilt,
+        "loads": args.loads,
+        "insertion": args.insert,
+        "robust": args.robust,
+    }
     stages = tuple(name for name, wanted in asked.items() if wanted)
     if args.threads is not None and args.threads < 1:
         raise InputError(f"--threads is {args.threads}; give at least 1.")

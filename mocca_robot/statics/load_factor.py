@@ -15,6 +15,7 @@ import numpy as np
 
 from mocca_robot.actions import Combination
 from mocca_robot.arrays import Array
+from mocca_robot.assembly import Assembly
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.applied import combined
@@ -64,13 +65,24 @@ def load_factors(graph: PartsGraph, friction: float = 0.0) -> tuple[LoadFactor, 
     A combination's loads grow together, its factor on gravity stays. Where a load acts in every state of the sequence
     the state that takes least counts. Friction is a Coulomb coefficient.
     """
-    assembly = graph.assembly
+    return tuple(_least(graph, combination, friction) for combination in asked_combinations(graph.assembly))
+
+
+def asked_combinations(assembly: Assembly) -> tuple[Combination, ...]:
+    """Return what load factors are found of: each load alone, then combinations of several or with gravity factored."""
     states = {c.name: c.states for c in assembly.combinations}
-    asked = [
+    alone = (
         Combination(name=a.name, factors={a.name: 1.0}, states=states.get(a.name, "finished")) for a in assembly.actions
-    ]
-    asked += [c for c in assembly.combinations if len(c.factors) > 1 or c.gravity != 1.0]
-    return tuple(_least(graph, combination, friction) for combination in asked)
+    )
+    return (*alone, *(c for c in assembly.combinations if len(c.factors) > 1 or c.gravity != 1.0))
+
+
+def growing_cases(state: PartsGraph, combination: Combination) -> tuple[LoadCase, LoadCase]:
+    """Return what stays and what grows of a combination, as cases on the parts of a state that are there."""
+    fixed, own = state.assembly.fixed, combination.gravity * state.assembly.gravity
+    gravity, applied = combined(state, combination)
+    steady = LoadCase(combination.name, own, state.present, fixed)
+    return steady, LoadCase(combination.name, gravity - own, state.present, fixed, applied)
 
 
 def _least(graph: PartsGraph, combination: Combination, friction: float) -> LoadFactor:
@@ -79,10 +91,7 @@ def _least(graph: PartsGraph, combination: Combination, friction: float) -> Load
     moments = {-1: graph} if combination.states == "finished" else graph.states
     found = []
     for part, state in moments.items():
-        gravity, applied = combined(state, combination)
-        own = combination.gravity * assembly.gravity
-        steady = LoadCase(combination.name, own, state.present, assembly.fixed)
-        growing = LoadCase(combination.name, gravity - own, state.present, assembly.fixed, applied)
+        steady, growing = growing_cases(state, combination)
         if case_wrenches(growing, graph)[growing.free].any():
             placed = "" if state.present.all() else assembly.parts[part].name
             factor = load_factor(graph, combination.name, steady, growing, friction)
@@ -119,6 +128,11 @@ def load_factor(graph: PartsGraph, name: str, steady: LoadCase, growing: LoadCas
 
     border = np.inf if friction > 0.0 else AT_THE_BORDER  # with friction a bound is enough, and every angle is one
     angle, steps, last = critical(solve, lambda v: (power(ends[0], v, about), power(ends[1], v, about)), border)
+    if friction == 0.0 and angle:  # with friction the search begins there
+        upright = solve(0.0)
+        steps += 1
+        if upright.status is Status.NOT_IN_EQUILIBRIUM:
+            angle, last = 0.0, upright
     motions = np.zeros((len(assembly.parts), assembly.dof)) if last is None else last.motions
     bound = None if angle is None else np.inf if angle >= np.pi / 2 else float(np.tan(angle))
     factor = bound

@@ -14,11 +14,13 @@ from mocca_robot.errors import quoted
 from mocca_robot.motion.insertion import InsertionVerdict
 from mocca_robot.statics.cases import CaseVerdict
 from mocca_robot.statics.solution import Status
-from mocca_robot.verdicts.physics import PartInsertion, Simulation, StateVerdict, TiltVerdict, Verdict
+from mocca_robot.verdicts.physics import LoadVerdict, PartInsertion, Simulation, StateVerdict, TiltVerdict, Verdict
 
 TILT_AGREEMENT_DEG = {2: 0.5, 3: 1.5}
 """By dimension: critical tilts by statics and physics further apart than this disagree. Rigid facets against slightly
 soft ones explain less."""
+LOAD_AGREEMENT = 0.02
+"""Load factors by statics and physics further apart than this share disagree."""
 FITS: Mapping[Status, frozenset[Verdict]] = {
     Status.EQUILIBRIUM: frozenset({Verdict.STANDS}),
     Status.NOT_IN_EQUILIBRIUM: frozenset({Verdict.FELL}),
@@ -65,7 +67,7 @@ class Remark:
     """
 
     kind: Kind
-    about: StateVerdict | TiltVerdict | PartInsertion
+    about: StateVerdict | TiltVerdict | LoadVerdict | PartInsertion
     text: str
     contradicts: bool
     parts: tuple[str, ...] = ()
@@ -97,6 +99,7 @@ def remarks(
     return (
         *_states_apart(simulation, statics),
         *_tilts_apart(assembly, simulation),
+        *_loads_apart(simulation),
         *_falls(assembly, simulation),
         *_silent(simulation),
         *_insertions(assembly, simulation, statics, goes_in),
@@ -174,6 +177,35 @@ def _tilts_apart(assembly: Assembly, simulation: Simulation) -> Iterator[Remark]
             yield Remark(kind=Kind.DISAGREEMENT, about=tilt, text=text, contradicts=True)
 
 
+def _loads_apart(simulation: Simulation) -> Iterator[Remark]:
+    for load in simulation.loads:
+        engine, words = called(simulation.engine_of(load)), load_words(simulation, load)
+        if load.failed:
+            text = f"{len(load.failed)} of {engine}'s runs gave no verdict on how much of the {words}."
+            yield Remark(kind=Kind.DISAGREEMENT, about=load, text=text, contradicts=True)
+        elif load.apart > LOAD_AGREEMENT:
+            text = f"{_begun(engine)} and statics disagree on how much stands of the {words}{_because(load)}."
+            yield Remark(kind=Kind.DISAGREEMENT, about=load, text=text, contradicts=True)
+
+
+def load_words(simulation: Simulation, load: LoadVerdict) -> str:
+    """Return a load with how many times it stands, by physics and by statics."""
+    when = f" just after placing '{load.placed}'" if load.placed else ""
+    return (
+        f"load '{load.name}'{when} (friction {load.friction:g}): {times(load)} in "
+        f"{called(simulation.engine_of(load))}, {_factor(load.statics)} by statics"
+    )
+
+
+def times(load: LoadVerdict) -> str:
+    """Return how many times a load stands in physics: 3.21 times, or at least as many as were tried."""
+    return f"at least {load.tried:.4g} times" if np.isinf(load.factor) else _factor(load.factor)
+
+
+def _factor(factor: float) -> str:
+    return "any amount" if np.isinf(factor) else f"{factor:.4g} times"
+
+
 def _tilt_words(assembly: Assembly, simulation: Simulation, tilt: TiltVerdict) -> str:
     where = towards(tilt.azimuth_rad, assembly.dimension)
     if assembly.dimension == 2:
@@ -189,7 +221,7 @@ def _begun(words: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def _because(verdict: StateVerdict | TiltVerdict) -> str:
+def _because(verdict: StateVerdict | TiltVerdict | LoadVerdict) -> str:
     return f"; cause: {verdict.cause}" if verdict.cause else ""
 
 

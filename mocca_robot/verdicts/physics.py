@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+
 from mocca_robot.statics.solution import Status
 
 
@@ -98,6 +100,56 @@ class TiltVerdict:
     def apart_rad(self) -> float:
         """Return how far apart physics and statics are at most, radians."""
         return abs(self.critical_rad - self.statics_rad) + self.within_rad
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadVerdict:
+    """How much of one load the structure takes.
+
+    Attributes:
+        name: the load, or the combination.
+        factor: halfway between the largest multiple of the load that stood and the smallest that fell; 0 when it falls
+            without it. Infinite where none up to `tried` moves it.
+        statics: the same from static equilibrium, infinite where any amount stands.
+        friction: Coulomb coefficient.
+        placed: the part just placed in the state that this is about, which takes least by statics; '' = the finished
+            structure.
+        moved: parts that moved under the smallest multiple that fell.
+        failed: multiples whose runs gave no verdict; they count as not standing.
+        within: half the distance of those two multiples.
+        tried: the multiple beyond which nothing was tried, where all up to there stand.
+        scale: the multiple to measure differences by: that of statics, or of the load as heavy as the structure.
+        cause: what experiments say where physics falls earlier than statics by more than the two may differ; else ''.
+        engine: what found it, where that is another than the simulation's; else ''.
+    """
+
+    name: str
+    factor: float
+    statics: float
+    friction: float
+    placed: str = ""
+    moved: tuple[str, ...] = ()
+    failed: tuple[float, ...] = ()
+    within: float = 0.0
+    tried: float = 0.0
+    scale: float = 1.0
+    cause: str = ""
+    engine: str = ""
+
+    @property
+    def apart(self) -> float:
+        """Return how far apart physics and statics surely are, as a share of `scale`; 0 where statics is between.
+
+        One that knows no limit says at least as much as the other: `tried` is a limit that physics does not know.
+        """
+        low, high = self.factor - self.within, self.factor + self.within
+        if np.isinf(self.factor):
+            low, high = self.tried, np.inf
+        if low <= self.statics <= high:
+            return 0.0
+        if np.isinf(self.statics):
+            return 1.0
+        return float(min(abs(low - self.statics), abs(high - self.statics)) / self.scale)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,6 +281,7 @@ class Simulation:
         engine: 'mujoco 3.17.0'; single verdicts may name another.
         states: one per free part, in assembly order.
         tilt: by friction, then azimuth.
+        loads: one per load, and per combination of several.
         insertion: per free part, in assembly order.
         robust: success rates with confidence intervals; None when not asked for.
         seconds: wall time by stage, and in 'total'.
@@ -240,6 +293,7 @@ class Simulation:
     engine: str
     states: tuple[StateVerdict, ...] = ()
     tilt: tuple[TiltVerdict, ...] = ()
+    loads: tuple[LoadVerdict, ...] = ()
     insertion: tuple[PartInsertion, ...] = ()
     robust: Robustness | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
@@ -256,6 +310,6 @@ class Simulation:
         """Return every insertion trial, part by part."""
         return tuple(t for part in self.insertion for t in part.trials)
 
-    def engine_of(self, verdict: StateVerdict | TiltVerdict) -> str:
+    def engine_of(self, verdict: StateVerdict | TiltVerdict | LoadVerdict) -> str:
         """Return what found a verdict, such as 'mujoco 3.17.0'."""
         return verdict.engine or self.engine

@@ -19,6 +19,7 @@ from mocca_robot.statics.solution import Status
 from mocca_robot.verdicts.agreement import agree, contradictions
 from mocca_robot.verdicts.physics import (
     InsertionTrial,
+    LoadVerdict,
     PartInsertion,
     Robustness,
     Simulation,
@@ -66,6 +67,7 @@ def simulation_to_data(simulation: Simulation, assembly: Assembly) -> dict[str, 
         "notes": list(simulation.notes),
         "states": [_state(s) for s in simulation.states],
         "tilt": [_tilt(t) for t in simulation.tilt],
+        "loads": [_load(f) for f in simulation.loads],
         "insertion": [_insertion(i) for i in simulation.insertion],
     }
     if (r := simulation.robust) is not None:
@@ -88,6 +90,7 @@ def simulation_from_data(data: object, where: str) -> Simulation:
         engine=found.words("engine"),
         states=found.each("states", _read_state),
         tilt=found.each("tilt", _read_tilt),
+        loads=found.each("loads", _read_load),
         insertion=found.each("insertion", _read_insertion),
         robust=_read_robust(found.inner("robust")) if "robust" in current else None,
         seconds=by_stage or {"total": found.number("seconds", 0.0)},
@@ -127,6 +130,29 @@ def _tilt(t: TiltVerdict) -> dict[str, Any]:
         "cause": t.cause,
         **_known(engine=t.engine or None),
     }
+
+
+def _load(f: LoadVerdict) -> dict[str, Any]:
+    return {
+        "load": f.name,
+        "placed": f.placed or None,
+        **_limited("factor", f.factor),
+        **_limited("statics_factor", f.statics),
+        "within": f.within,
+        "tried": f.tried,
+        "scale": f.scale,
+        "friction": f.friction,
+        "moved": list(f.moved),
+        "runs_without_verdict": list(f.failed),
+        "cause": f.cause,
+        **_known(engine=f.engine or None),
+    }
+
+
+def _limited(key: str, factor: float) -> dict[str, Any]:
+    """Return a factor for JSON, which knows no infinity: null, and a flag beside it."""
+    unlimited = bool(np.isinf(factor))
+    return {key: None if unlimited else factor, f"{key}_unlimited": unlimited}
 
 
 def _insertion(entry: PartInsertion) -> dict[str, Any]:
@@ -273,6 +299,26 @@ def _read_tilt(found: _Reader) -> TiltVerdict:
         moved=found.texts("moved"),
         failed=tuple(float(a) for a in failed),
         within_rad=found.angle("within_deg", 0.0),
+        cause=found.words("cause"),
+        engine=found.words("engine"),
+    )
+
+
+def _read_load(found: _Reader) -> LoadVerdict:
+    def factor(key: str) -> float:
+        return float(np.inf) if found.flag(f"{key}_unlimited") else found.number(key)
+
+    return LoadVerdict(
+        name=found.words("load"),
+        factor=factor("factor"),
+        statics=factor("statics_factor"),
+        friction=found.number("friction"),
+        placed="" if found.data.get("placed") is None else found.words("placed"),
+        moved=found.texts("moved"),
+        failed=found.numbers("runs_without_verdict"),
+        within=found.number("within", 0.0),
+        tried=found.number("tried", 0.0),
+        scale=found.number("scale", 1.0),
         cause=found.words("cause"),
         engine=found.words("engine"),
     )

@@ -258,3 +258,11 @@ def test_a_load_that_meets_nothing_is_not_called_unlimited() -> None:
     graph = PartsGraph.of(carrying(PLANK, push))
     (stands,) = load_factors(graph)
     assert [d["unlimited"] for d in factors_data([stands, replace(stands, steps=0)])] == [True, False]
+
+
+def test_what_stands_only_with_its_load_stands_with_none_of_it() -> None:
+    """A plank that is too far out, and a counterweight: any amount of that holds it down, but none of it does not."""
+    parts = (PLANK[0], replace(PLANK[2], shape=rectangle((1.1, 1.0), (4.0, 1.1))))
+    weight = AddedMass(name="counterweight", part="plank", mass_kg=1e4, at=np.array([1.15, 1.1]))
+    (found,) = load_factors(PartsGraph.of(carrying(parts, weight)))
+    assert found.factor == 0.0 and found.moving == ("plank",)
