@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.agreement import LOCKED_FRICTIONS, LOCKED_KINDS, PLAIN_FRICTIONS
-from benchmarks.cases import arch
+from benchmarks.cases import KINDS, arch
 from benchmarks.random_assemblies import SOLID_KINDS, random_assembly, random_solid
 from mocca_robot.arrays import Array
 from mocca_robot.errors import InputError
@@ -281,6 +281,22 @@ def test_what_stands_again_further_on_has_fallen_before() -> None:
     found = largest_tilt(lambda t, s: standing(contacts, load(t), start=s), bound)
     assert standing(contacts, load(bound)).stands
     assert np.rad2deg(found.critical_rad) == pytest.approx(24.0, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "blocks", "stands_deg", "falls_deg"), [("wall", 150, 23.1, 23.4), ("dome", 140, 24.7, 26.2)]
+)
+def test_large_structures_are_decided_close_to_the_tilt_at_which_they_fall(
+    kind: str, blocks: int, stands_deg: float, falls_deg: float
+) -> None:
+    case = KINDS[kind](blocks)
+    contacts = FrictionalContacts.of(case.pairs, case.points, case.normals, case.free, 0.6, about=case.centroids)
+    upright, near, past = (case.wrenches(np.deg2rad(tilt)) for tilt in (0.0, stands_deg, falls_deg))
+    obeys_coulomb(contacts, upright, standing(contacts, upright))
+    obeys_coulomb(contacts, near, standing(contacts, near))
+    found = standing(contacts, past)
+    goes_on_falling(contacts, past, found)
+    assert found.standing is Standing.STANDS_ONLY_CLAMPED and contacts.bound(past).stands
 
 
 @pytest.mark.parametrize("ratio", [0.3, 3.0])

@@ -19,6 +19,7 @@ from mocca_robot.statics.solver import blocks as blocks_module
 from mocca_robot.statics.solver.banded import BandedLayout
 from mocca_robot.statics.solver.blocks import SPARSE_COSTS
 from mocca_robot.statics.solver.factors import NotPositiveDefinite
+from mocca_robot.statics.solver.slopes import Slope
 from mocca_robot.statics.solver.sparse import SparseLayout
 from mocca_robot.statics.solver.system import ContactSystem
 
@@ -106,6 +107,20 @@ def test_a_wide_dome_is_sparse_and_a_flat_wall_has_a_band(make: Callable, parts:
     banded, columns = BandedLayout.of(*graph), SparseLayout.of(*graph)
     assert columns.multiplications < banded.multiplications
     assert (SPARSE_COSTS * columns.multiplications < banded.multiplications) is sparse
+
+
+@pytest.mark.parametrize("case", [dome(24, 0), wall(30, 0)], ids=lambda case: case.name)
+def test_slopes_that_are_not_symmetric_are_solved(case: Case) -> None:
+    blocks = case.system.blocks
+    rng = np.random.default_rng(2)
+    grams = blocks.gram(np.ones(len(blocks.source))) + 0.3 * rng.normal(size=(len(blocks.first), 6, 6))
+    mass, right = 0.1 * blocks.own_gram, rng.normal(size=blocks.size)
+    slope = Slope.of(blocks, mass, grams)
+    dense = np.stack([slope.times(column) for column in np.eye(blocks.size)], axis=1)
+    assert np.abs(dense - dense.T).max() > 0.1
+    answer = slope.solve(right)
+    assert answer is not None
+    np.testing.assert_allclose(answer, np.linalg.solve(dense, right), rtol=1e-8, atol=1e-8 * np.abs(answer).max())
 
 
 def test_a_pivot_that_is_not_positive_is_named() -> None:

@@ -150,8 +150,13 @@ class PairBlocks:
         banded = BandedLayout.of(*graph, self.dof)
         if banded.width <= NARROW:
             return banded
-        sparse = SparseLayout.of(*graph, self.dof)
+        sparse = self.sparse
         return sparse if SPARSE_COSTS * sparse.multiplications < banded.multiplications else banded
+
+    @cached_property
+    def sparse(self) -> SparseLayout:
+        """Return where the blocks lie in sparse columns, whatever is faster."""
+        return SparseLayout.of(self.first, self.second, len(self.to_own), self.dof)
 
     def factor(self, gram: Array, room: Array | None = None) -> Factor:
         """Return the Cholesky factor of YᵀY + BᵀDB from the H_p of `gram`. Raises NotPositiveDefinite."""

@@ -3,7 +3,7 @@
     w + Gᵀ z(G u) = ε M u
 
 The law z(x) is explicit, so that what solves this *is* elastic contact with Coulomb friction, whatever found it.
-Its slope is not symmetric where contacts slide; a sparse LU solves for each step.
+Its slope is not symmetric where contacts slide (`slopes`).
 """
 
 from __future__ import annotations
@@ -11,19 +11,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
-from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.arrays import Array
 from mocca_robot.statics.solver import cone_kernels
 from mocca_robot.statics.solver.compliant_cones import CompliantCones
+from mocca_robot.statics.solver.slopes import Slope
 
 EXACT = 1e-10
 """Unbalanced share of the load at which the equations count as solved."""
 MOST_STEPS, SHORTEST, WINDOW, STALLED_AFTER = 25, 1.0 / 64.0, 6, 8
 """Newton steps, their shortest length, the points that a step is measured by, and steps without progress."""
-DENSE = 150
-"""Unknowns up to which a dense factor is faster."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,17 +57,17 @@ def at(problem: CompliantCones, u: Array) -> CoulombPoint:
     return CoulombPoint(u, x, z, problem.pull + blocks.transposed_times(flat) - problem.moved(u), grams)
 
 
-def newton(problem: CompliantCones, u: Array) -> CoulombPoint:
+def newton(problem: CompliantCones, u: Array, most_steps: int = MOST_STEPS) -> CoulombPoint:
     """Return the best point that Newton's method gets to from u; its `error` tells whether it solves the equations.
 
     A step need only improve on the worst of the last few points: the law has kinks, and the way past one may go up.
     """
     point = best = at(problem, u)
-    slopes, errors, stalled = Slopes.of(problem), [point.error], 0
-    for _ in range(MOST_STEPS):
+    errors, stalled = [point.error], 0
+    for _ in range(most_steps):
         if point.error <= EXACT or stalled > STALLED_AFTER:
             break
-        du = slopes.solve(point)
+        du = Slope.of(problem.blocks, problem.mass, point.grams).solve(point.residual)
         new = None if du is None else _shortened(problem, point.u, du, max(errors[-WINDOW:]))
         if new is None:
             break
@@ -90,50 +87,3 @@ def _shortened(problem: CompliantCones, u: Array, du: Array, worst: float) -> Co
             return new
         length *= 0.5
     return None
-
-
-@dataclass(frozen=True, eq=False)
-class Slopes:
-    """Where the numbers of −dR/du lie, R what is left unbalanced: εM and, pair by pair, ±Gᵀ(−dz/dx)G.
-
-    Attributes:
-        problem: whose contacts they are.
-        rows, columns: of every number that belongs to a free part.
-        inside: which of all numbers those are.
-    """
-
-    problem: CompliantCones
-    rows: IntArray
-    columns: IntArray
-    inside: BoolArray
-
-    @classmethod
-    def of(cls, problem: CompliantCones) -> Slopes:
-        """Return the places for `problem`."""
-        b = problem.blocks
-        own, within = np.arange(len(b.to_own)), np.arange(b.dof)
-        rows = np.concatenate([own, b.first, b.second, b.first, b.second])
-        columns = np.concatenate([own, b.first, b.second, b.second, b.first])
-        shape = (len(rows), b.dof, b.dof)
-        r = np.broadcast_to(rows[:, None, None] * b.dof + within[:, None], shape).ravel()
-        c = np.broadcast_to(columns[:, None, None] * b.dof + within, shape).ravel()
-        inside = (r < b.size) & (c < b.size)
-        return cls(problem, r[inside], c[inside], inside)
-
-    def solve(self, point: CoulombPoint) -> Array | None:
-        """Return the Newton step from `point`, or None where the slope is singular."""
-        p, n, grams = self.problem, self.problem.blocks.size, point.grams
-        values = np.concatenate([p.mass, grams, grams, -grams, -grams]).ravel()[self.inside]
-        try:
-            if n <= DENSE:
-                dense = np.bincount(self.rows * n + self.columns, weights=values, minlength=n * n).reshape(n, n)
-                du = np.linalg.solve(dense, point.residual)
-            else:
-                matrix = sp.csc_array(sp.coo_array((values, (self.rows, self.columns)), shape=(n, n)))
-                order = {"SymmetricMode": True}
-                du = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01, options=order).solve(
-                    point.residual
-                )
-        except (np.linalg.LinAlgError, RuntimeError):
-            return None
-        return np.asarray(du) if np.isfinite(du).all() else None

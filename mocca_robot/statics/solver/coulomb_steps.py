@@ -1,202 +1,230 @@
-"""One load on contacts with springs and Coulomb friction that does not lift what slides: how the parts settle, or fall.
+"""Where parts move that were not found at rest: steps of time, each as long as its end can be followed.
 
-A fixed point of second-order cone programs (Acary and Cadoux 2013, "Applications of an existence result for the
-Coulomb friction problem"): with the offsets s = μ |slip| of the last answer the dilation of the cone program cancels.
-Anderson acceleration takes longer steps; as soon as one answer is near enough, Newton's method on Coulomb's law itself
-(`coulomb_newton`) finishes, and what it returns obeys the law exactly.
+    w + Gᵀ z(G u) = ε M (u − a)
+
+is the end of an implicit step of time of parts that start without speed at displacements a; the smaller ε, the longer
+the step. Its ends (u, ln ε) lie on a path that Newton's method follows by its length, past the kinks of Coulomb's law
+(Keller 1977, "Numerical solution of bifurcation and nonlinear eigenvalue problems"). Where the path turns back to
+shorter steps, or is lost, the next step of time begins.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mocca_robot.arrays import Array
-from mocca_robot.statics.solver.compliant_cones import CompliantCones, ConeForces, solve
+from mocca_robot.statics.solver import cone_kernels
+from mocca_robot.statics.solver.compliant_cones import REGULAR, CompliantCones, solve
 from mocca_robot.statics.solver.coulomb_newton import EXACT, CoulombPoint, at, newton
+from mocca_robot.statics.solver.coulomb_rest import Settled, approached
+from mocca_robot.statics.solver.slopes import Slope
 
-DEPENDENT = 1e-8
-"""Relative singular value of a step that says nothing new."""
-
-MEMORY = 4
-LONGEST_JUMP = 30.0
-"""How far an accelerated step may go, in plain steps."""
-PROGRAMS, PROGRAMS_AT_REST = 12, 40
-"""Cone programs until a step of time, or the search for rest, is given up."""
-TRIED_AT_ONCE, PATIENCE, NEARER = 2, 6, 0.7
-"""Programs after each of which Newton's method is tried, later after every other; programs that must bring the answer
-nearer, and how much nearer."""
-FEWEST_PROGRAMS, MOST_WORK = 30, 60_000
-"""Cone programs, and their number times that of unknowns and contacts, until the search for where parts move ends."""
-SOLVABLE = 1e-7
-"""Residual of the first cone program above which no forces may hold the load."""
 GIVES = 0.3
 """Share of the load that the first step of time leaves unbalanced where parts only give."""
-SHORTER = 10.0
-"""Ratio of the inertia of two steps of time."""
-MOST_STEPS = 80
-FALLING, RESTING = 0.95, 0.5
-"""Ratio of what two steps of time leave unbalanced from which on parts fall, and below which they may come to rest."""
-FAR = 100.0
-"""Displacement of parts that fall, over what springs give."""
+PROGRAMS = 12
+"""Cone programs that look for the end of the first step of time."""
+BACK, TRIES = float(np.log(3.0)), 10
+"""By how much ln ε grows where a step of time cannot be begun, and how often."""
+FIRST_STRIDE, LEAST_STRIDE, RETRIED = 0.5, 0.1, 0.4
+"""Strides along the path, in displacements that springs give and in e-folds of ε: the first, the shortest, and by how
+much the next one is shorter where Newton's method fails."""
+CORRECTIONS, MOST_CORRECTIONS = 8, 4000
+"""Newton steps for one stride or the end of a first step, and for all."""
+WINDOW, SHORTEST = 3, 1.0 / 8.0
+"""Points that a Newton step is measured by, and its shortest length."""
+EASY, FAIR = 4, 6
+"""Newton steps up to which the next stride is twice as long, and a third longer."""
+LESS = 0.8
+"""Ratio of what two strides leave unbalanced below which rest may be near."""
+FALLING, FAR, FARTHER = 0.95, 100.0, 5.0
+"""Parts fall whose displacement in one step is `FAR` times what springs give, and `FARTHER` times what it was when
+hardly more of the load was unbalanced."""
+PRESSES, LIFTS = 1e-6, 0.02
+"""Share of the largest force from which contacts press, and of the fastest motion up to which they do not open."""
+
+Direction = tuple[Array, float]
+"""(du, dtau)."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class StepsSettled:
-    """What one load brings about.
+@dataclass(frozen=True, eq=False)
+class _End:
+    """The end of a step of time: displacements, ln ε, what is left of its equation, and the Newton steps it took."""
 
-    Attributes:
-        point: at rest, or at the end of the last step of time that was solved; None if none was.
-        rests, falls: what is proved; neither, where the steps did not tell.
-        speed: (n,) how they move about the common point, per unit of what is left unbalanced; None at rest.
-        programs: cone programs that it took.
-        shares: what each step of time left unbalanced, relative to the load.
-    """
+    u: Array
+    tau: float
+    error: float
+    work: int
 
-    point: CoulombPoint | None
-    rests: bool
-    falls: bool
-    speed: Array | None
-    programs: int
-    shares: tuple[float, ...]
+    @property
+    def found(self) -> bool:
+        """Return whether it solves the equation."""
+        return self.error <= EXACT
 
 
-@dataclass
-class _Counter:
-    programs: int = 0
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A step of time from displacements `start`; strides along the path of its ends are measured with `reach`."""
+
+    problem: CompliantCones
+    start: Array
+    reach: float
+
+    def with_inertia(self, tau: float) -> CompliantCones:
+        """Return the problem that asks for the end of the step with ln ε = tau."""
+        blocks = self.problem.blocks
+        pull = self.problem.pull + np.exp(tau) * blocks.own_gram_times(self.start)
+        return replace(self.problem, pull=pull, inertia=np.exp(tau) * blocks.own_gram)
+
+    def begun(self, tau: float) -> _End:
+        """Return the end of a step so short that it is found from where the step starts."""
+        work = 0
+        for _ in range(TRIES):
+            point = newton(self.with_inertia(tau), self.start, CORRECTIONS)
+            work += CORRECTIONS
+            if point.error <= EXACT:
+                break
+            tau += BACK
+        return _End(point.u, tau, point.error, work)
+
+    def onward(self, end: _End) -> Direction:
+        """Return the direction of the path towards longer steps."""
+        point, held = self._at(end.u, end.tau)
+        du = self._slope(point, end.tau).solve(held)
+        return (np.zeros_like(end.u) if du is None else -du), -1.0
+
+    def followed(self, end: _End, way: Direction, stride: float) -> _End:
+        """Return the end a stride further along `way`, on the plane across it."""
+        long = float(np.sqrt(self._dot(way, way)))
+        du, dtau = way[0] / long, way[1] / long
+        u0, tau0 = end.u + stride * du, end.tau + stride * dtau
+        u, tau = u0, tau0
+        point, held = self._at(u, tau)
+        errors, work = [point.error], 0
+        while errors[-1] > EXACT and work < CORRECTIONS:
+            work += 1
+            slope = self._slope(point, tau)
+            off, along = slope.solve(point.residual), slope.solve(held)
+            if off is None or along is None:
+                break
+            missed = self._dot((du, dtau), (u - u0 + off, tau - tau0)) / self._dot((du, dtau), (along, 1.0))
+            length, worst = 1.0, max(errors[-WINDOW:])
+            while length >= SHORTEST:
+                nearer = u + length * (off - missed * along), tau - length * missed
+                point, held = self._at(*nearer)
+                if point.error < (1.0 - 0.1 * length) * worst:
+                    break
+                length *= 0.5
+            else:
+                break
+            (u, tau), errors = nearer, [*errors, point.error]
+        return _End(u, tau, errors[-1], work)
+
+    def unbalanced(self, end: _End) -> float:
+        """Return the share of the load that contacts leave to inertia."""
+        return float(np.exp(end.tau) * np.linalg.norm(self.problem.blocks.own_gram_times(end.u - self.start)))
+
+    def travelled(self, end: _End) -> float:
+        """Return how far parts have come in this step, over what springs give."""
+        return float(np.linalg.norm(self.problem.blocks.own_gram_times(end.u - self.start))) / self.reach
+
+    def slides_along(self, end: _End) -> bool:
+        """Return whether what presses has neither opened nor closed on the way here, as in a mechanism."""
+        c, pressed = self.problem.compliance, at(self.problem, end.u).z[0]
+        moved = self.problem.blocks.times(end.u - self.start).reshape(-1, 3).T
+        opened = np.abs(moved[0]) * np.sqrt(c[1] / c[0])
+        fastest = float(np.sqrt(opened**2 + moved[1] ** 2 + moved[2] ** 2).max(initial=0.0))
+        return bool((opened[pressed > PRESSES * pressed.max(initial=0.0)] <= LIFTS * fastest).all())
+
+    def _at(self, u: Array, tau: float) -> tuple[CoulombPoint, Array]:
+        """Return the point with what is left of the equation, and how that changes with ln ε, (n,)."""
+        held = -np.exp(tau) * self.problem.blocks.own_gram_times(u - self.start)
+        point = at(self.problem, u)
+        return replace(point, residual=point.residual + held), held
+
+    def _slope(self, point: CoulombPoint, tau: float) -> Slope:
+        """Return the factor of minus the derivative by u."""
+        blocks = self.problem.blocks
+        return Slope.of(blocks, (np.exp(tau) + REGULAR) * blocks.own_gram, point.grams)
+
+    def _dot(self, a: Direction, b: Direction) -> float:
+        return float(a[0] @ b[0]) / self.reach**2 + a[1] * b[1]
 
 
-def rest(problem: CompliantCones, start: Array | None = None) -> StepsSettled:
-    """Return how parts come to rest under a load of unit norm, or that rest was not found in a few cone programs.
-
-    `problem` has no inertia; `start` (n,) are displacements under a similar load. Where it does not rest, `point` is
-    None, or the elastic answer of the first cone program if there is one.
-    """
-    count = _Counter()
-    if start is not None:
-        point = newton(problem, start)
-        if point.error <= EXACT:
-            return _settled(point, count, rests=True)
-    first = solve(problem, np.zeros(problem.compliance.shape[1]))
-    count.programs += 1
-    if first.residual > SOLVABLE:
-        return _settled(None, count)
-    slip = np.hypot(first.s[1], first.s[2])
-    for point in _approached(problem, first, slip, PROGRAMS_AT_REST, count):
-        if point.error <= EXACT:
-            return _settled(point, count, rests=True)
-    return _settled(at(problem, first.u), count)
-
-
-def move(problem: CompliantCones, elastic: StepsSettled) -> StepsSettled:
+@np.errstate(all="ignore")
+def move(problem: CompliantCones, elastic: Settled) -> Settled:
     """Return where parts move that were not found at rest: to rest after all, or on and on.
 
-    One step of time follows the other, each from where the last ended but without its speed, and, while they can be
-    solved, each with a tenth of the inertia of the last. Where ever less stays unbalanced, rest is near. Parts whose
-    displacement has grown tenfold and again, far beyond what springs give, with as much left unbalanced, fall.
+    Where ever less stays unbalanced, rest is near. Parts fall that go in one step far beyond what springs give, with as
+    much left unbalanced and along what presses.
     """
-    count = _Counter()
-    blocks = problem.blocks
-    reach = 1.0 if elastic.point is None else float(np.linalg.norm(blocks.own_gram_times(elastic.point.u)))
-    inertia, travelled = GIVES / reach, np.zeros(blocks.size)
-    point: CoulombPoint | None = None
-    shares: list[float] = []
+    reach = _reach(problem, elastic)
+    step = _Step(problem, np.zeros(problem.blocks.size), reach)
+    end, programs = _touched(step, float(np.log(GIVES / reach)))
     path: list[tuple[float, float]] = []
-    speed = np.zeros(blocks.size)
-    faster, size = SHORTER, blocks.size + problem.compliance.shape[1]
-    for _ in range(MOST_STEPS):
-        if count.programs >= max(FEWEST_PROGRAMS, MOST_WORK / size):
-            break
-        pull = problem.pull + inertia * blocks.own_gram_times(travelled)
-        step = replace(problem, pull=pull, inertia=inertia * blocks.own_gram)
-        after = _step_of_time(step, travelled, travelled + speed / inertia, count)
-        if after is None:
-            faster = np.sqrt(SHORTER)
-            inertia *= faster
-            continue
-        point, speed, travelled = after, inertia * (after.u - travelled), after.u
-        shares.append(float(np.linalg.norm(blocks.own_gram_times(speed))))
-        path.append((float(np.linalg.norm(blocks.own_gram_times(travelled))) / reach, shares[-1]))
-        if _goes_on(path):
-            return _settled(point, count, falls=True, speed=speed, shares=tuple(shares))
-        if len(shares) > 1 and shares[-1] <= RESTING * shares[-2]:
-            still = newton(problem, travelled + speed / (inertia * (SHORTER - 1.0)))
-            if still.error <= EXACT:
-                return _settled(still, count, rests=True, shares=tuple(shares))
-        inertia, faster = inertia / faster, SHORTER
-    return _settled(point, count, speed=speed, shares=tuple(shares))
+    shares: list[float] = []
+    way, stride, work = None, FIRST_STRIDE, 0
+    while end.found and work < MOST_CORRECTIONS:
+        way = step.onward(end) if way is None else way
+        new = step.followed(end, way, stride)
+        work += new.work
+        turned = False
+        if new.found:
+            last, end = end, new
+            way = end.u - last.u, end.tau - last.tau
+            turned = way[1] > 0.0
+            stride *= 2.0 if new.work <= EASY else 4.0 / 3.0 if new.work <= FAIR else 1.0
+            path.append((step.travelled(end), step.unbalanced(end)))
+            shares.append(path[-1][1])
+            turned = turned or _goes_on(path)
+            if _goes_on(path) and step.slides_along(end):
+                return Settled(point=at(problem, end.u), falls=True, programs=programs, shares=tuple(shares))
+            if not turned and shares[-1] < LESS * max(shares[-3:]):
+                ahead = end.u + (end.u - last.u) / (np.exp(last.tau - end.tau) - 1.0)
+                still = newton(problem, ahead, CORRECTIONS)
+                work += CORRECTIONS
+                if still.error <= EXACT:
+                    return Settled(point=still, rests=True, programs=programs, shares=tuple(shares))
+        else:
+            stride *= RETRIED
+        if turned or stride < LEAST_STRIDE:
+            step, way, stride, path = replace(step, start=end.u), None, FIRST_STRIDE, []
+            begun = step.begun(end.tau)
+            work += begun.work
+            if not begun.found:
+                break
+            end = begun
+    point = at(problem, end.u) if end.found else None
+    return Settled(point=point, programs=programs, shares=tuple(shares))
+
+
+def _reach(problem: CompliantCones, elastic: Settled) -> float:
+    """Return how far springs give: with contacts that neither part nor slide, or, if less, in the elastic answer."""
+    blocks = problem.blocks
+    stuck = np.zeros((6, problem.compliance.shape[1]))
+    stuck[[0, 3, 5]] = 1.0 / problem.compliance
+    grams = np.empty((len(blocks.first), blocks.dof, blocks.dof))
+    cone_kernels.gram_of_stiffness(blocks.rays, blocks.starts, stuck, grams)
+    u = Slope.of(blocks, REGULAR * blocks.own_gram, grams).solve(problem.pull)
+    given = [x for x in (u, None if elastic.point is None else elastic.point.u) if x is not None and x.any()]
+    return min((float(np.linalg.norm(blocks.own_gram_times(x))) for x in given), default=1.0)
+
+
+def _touched(step: _Step, tau: float) -> tuple[_End, int]:
+    """Return the end of the first step of time, found by cone programs, and their number."""
+    programs = 0
+    for _ in range(TRIES):
+        shorter = step.with_inertia(tau)
+        for point, used in approached(shorter, solve(shorter, np.zeros(shorter.compliance.shape[1])), PROGRAMS):
+            programs += used
+            if point.error <= EXACT:
+                return _End(point.u, tau, point.error, 0), programs
+        tau += BACK
+    return _End(point.u, tau, point.error, 0), programs
 
 
 def _goes_on(path: list[tuple[float, float]]) -> bool:
     """Return whether displacements, relative to what springs give, grow and grow with as much unbalanced."""
     far, share = path[-1]
-    return far >= FAR and any(f <= far / SHORTER * 2.0 and share >= FALLING * s for f, s in path[-3:-1])
-
-
-def _settled(
-    point: CoulombPoint | None,
-    count: _Counter,
-    *,
-    rests: bool = False,
-    falls: bool = False,
-    speed: Array | None = None,
-    shares: tuple[float, ...] = (),
-) -> StepsSettled:
-    return StepsSettled(point=point, rests=rests, falls=falls, speed=speed, programs=count.programs, shares=shares)
-
-
-def _step_of_time(step: CompliantCones, here: Array, guess: Array, count: _Counter) -> CoulombPoint | None:
-    """Return the end of one step of time from displacements `here`, or None if it was not found."""
-    moving = bool(here.any())
-    for u in (guess, here) if moving else ():
-        point = newton(step, u)
-        if point.error <= EXACT:
-            return point
-    slip = _slip(step, at(step, here)) if moving else np.zeros(step.compliance.shape[1])
-    for point in _approached(step, None, slip, PROGRAMS, count):
-        if point.error <= EXACT:
-            return point
-    return None
-
-
-def _slip(step: CompliantCones, point: CoulombPoint) -> Array:
-    """Return (contacts,) how far contacts slide: what of their motion their springs do not take up."""
-    along, across = point.x[1:] + step.compliance[1:] * point.z[1:]
-    return np.asarray(np.hypot(along, across))
-
-
-def _approached(
-    problem: CompliantCones, first: ConeForces | None, slip: Array, programs: int, count: _Counter
-) -> Iterator[CoulombPoint]:
-    """Yield where Newton's method gets to from the answers of cone programs, until they stop getting nearer.
-
-    `first` is that of the program without offsets, if it is there, and `slip` what the next ones start from.
-    """
-    if first is not None:
-        yield newton(problem, first.u)
-    past: list[tuple[Array, Array]] = []
-    misses: list[float] = []
-    for k in range(programs):
-        found = solve(problem, slip)
-        count.programs += 1
-        past = [*past[-MEMORY:], (slip, np.hypot(found.s[1], found.s[2]) - slip)]
-        misses.append(float(np.abs(past[-1][1]).max()))
-        if k < TRIED_AT_ONCE or k % 2 == 1:
-            yield newton(problem, found.u)
-        if k >= PATIENCE and min(misses[-PATIENCE:]) > NEARER * min(misses[:-PATIENCE]):
-            return
-        slip = _accelerated(past)
-
-
-def _accelerated(past: list[tuple[Array, Array]]) -> Array:
-    """Return the next offsets after `past` pairs of offsets and their changes: Anderson's, or the plain step."""
-    s, g = past[-1]
-    if len(past) > 1:
-        ds, dg = (np.diff(np.array(x), axis=0).T for x in zip(*past, strict=True))
-        step = g - (ds + dg) @ np.linalg.lstsq(dg, g, rcond=DEPENDENT)[0]
-        if step @ g > 0.0:
-            longest = LONGEST_JUMP * float(np.linalg.norm(g))
-            return np.asarray(np.maximum(s + min(1.0, longest / float(np.linalg.norm(step))) * step, 0.0))
-    return np.asarray(np.maximum(s + g, 0.0))
+    return far >= FAR and any(f <= far / FARTHER and share >= FALLING * s for f, s in path[:-1])
