@@ -21,7 +21,7 @@ from mocca_robot.statics.friction_verdict import FrictionVerdict, Standing
 from mocca_robot.statics.frictional_contacts import FrictionalContacts
 from mocca_robot.statics.solution import EquilibriumResult, Status
 from mocca_robot.statics.solver.compliant_cones import CompliantCones
-from mocca_robot.statics.solver.coulomb_rest import Settled, rest
+from mocca_robot.statics.solver.coulomb_rest import StepsSettled, rest
 from mocca_robot.statics.solver.coulomb_steps import move
 from mocca_robot.tolerances import TINY
 
@@ -140,12 +140,12 @@ def _problem(contacts: FrictionalContacts, w: Array, scale: float) -> CompliantC
     )
 
 
-def _rests(found: Settled, seen: PointSeen | None) -> bool:
+def _rests(found: StepsSettled, seen: PointSeen | None) -> bool:
     """Return whether forces that obey Coulomb's law hold the load."""
     return found.rests and seen is not None and max(seen.violation, seen.share) <= EQUILIBRIUM_RESIDUAL
 
 
-def _seen(contacts: FrictionalContacts, w: Array, scale: float, found: Settled) -> PointSeen | None:
+def _seen(contacts: FrictionalContacts, w: Array, scale: float, found: StepsSettled) -> PointSeen | None:
     """Return the evidence that a point gives, computed from its displacements and forces alone."""
     if found.point is None:
         return None
@@ -193,7 +193,7 @@ def _verdict(
     scale: float,
     stiffness: float,
     programs: int,
-    found: Settled,
+    found: StepsSettled,
 ) -> FrictionVerdict:
     """Return the verdict in newtons and metres."""
     rows, rests = contacts.rows, found.rests

@@ -32,7 +32,7 @@ SOLVABLE = 1e-7
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Settled:
+class StepsSettled:
     """What one load brings about.
 
     Attributes:
@@ -49,7 +49,7 @@ class Settled:
     shares: tuple[float, ...] = ()
 
 
-def rest(problem: CompliantCones, start: Array | None = None) -> Settled:
+def rest(problem: CompliantCones, start: Array | None = None) -> StepsSettled:
     """Return how parts come to rest under a load of unit norm, or that rest was not found in a few cone programs.
 
     `problem` has no inertia; `start` (n,) are displacements under a similar load. Where it does not rest, `point` is
@@ -58,15 +58,15 @@ def rest(problem: CompliantCones, start: Array | None = None) -> Settled:
     if start is not None:
         point = newton(problem, start)
         if point.error <= EXACT:
-            return Settled(point=point, rests=True)
+            return StepsSettled(point=point, rests=True)
     first = solve(problem, np.zeros(problem.compliance.shape[1]))
     if first.residual > SOLVABLE:
-        return Settled(point=None, programs=1)
+        return StepsSettled(point=None, programs=1)
     programs = 1
     for point, programs in approached(problem, first, PROGRAMS):
         if point.error <= EXACT:
-            return Settled(point=point, rests=True, programs=programs)
-    return Settled(point=at(problem, first.u), programs=programs)
+            return StepsSettled(point=point, rests=True, programs=programs)
+    return StepsSettled(point=at(problem, first.u), programs=programs)
 
 
 def approached(problem: CompliantCones, first: ConeForces, most_programs: int) -> Iterator[tuple[CoulombPoint, int]]:

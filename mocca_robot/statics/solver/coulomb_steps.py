@@ -18,7 +18,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.statics.solver import cone_kernels
 from mocca_robot.statics.solver.compliant_cones import REGULAR, CompliantCones, solve
 from mocca_robot.statics.solver.coulomb_newton import EXACT, CoulombPoint, at, newton
-from mocca_robot.statics.solver.coulomb_rest import Settled, approached
+from mocca_robot.statics.solver.coulomb_rest import StepsSettled, approached
 from mocca_robot.statics.solver.slopes import Slope
 
 GIVES = 0.3
@@ -153,7 +153,7 @@ class _Step:
 
 
 @np.errstate(all="ignore")
-def move(problem: CompliantCones, elastic: Settled) -> Settled:
+def move(problem: CompliantCones, elastic: StepsSettled) -> StepsSettled:
     """Return where parts move that were not found at rest: to rest after all, or on and on.
 
     Where ever less stays unbalanced, rest is near. Parts fall that go in one step far beyond what springs give, with as
@@ -179,13 +179,13 @@ def move(problem: CompliantCones, elastic: Settled) -> Settled:
             shares.append(path[-1][1])
             turned = turned or _goes_on(path)
             if _goes_on(path) and step.slides_along(end):
-                return Settled(point=at(problem, end.u), falls=True, programs=programs, shares=tuple(shares))
+                return StepsSettled(point=at(problem, end.u), falls=True, programs=programs, shares=tuple(shares))
             if not turned and shares[-1] < LESS * max(shares[-3:]):
                 ahead = end.u + (end.u - last.u) / (np.exp(last.tau - end.tau) - 1.0)
                 still = newton(problem, ahead, CORRECTIONS)
                 work += CORRECTIONS
                 if still.error <= EXACT:
-                    return Settled(point=still, rests=True, programs=programs, shares=tuple(shares))
+                    return StepsSettled(point=still, rests=True, programs=programs, shares=tuple(shares))
         else:
             stride *= RETRIED
         if turned or stride < LEAST_STRIDE:
@@ -196,10 +196,10 @@ def move(problem: CompliantCones, elastic: Settled) -> Settled:
                 break
             end = begun
     point = at(problem, end.u) if end.found else None
-    return Settled(point=point, programs=programs, shares=tuple(shares))
+    return StepsSettled(point=point, programs=programs, shares=tuple(shares))
 
 
-def _reach(problem: CompliantCones, elastic: Settled) -> float:
+def _reach(problem: CompliantCones, elastic: StepsSettled) -> float:
     """Return how far springs give: with contacts that neither part nor slide, or, if less, in the elastic answer."""
     blocks = problem.blocks
     stuck = np.zeros((6, problem.compliance.shape[1]))
