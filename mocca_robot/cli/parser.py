@@ -23,6 +23,7 @@ from mocca_robot.cli import (
     manual,
     new,
     plan,
+    register,
     rehearse,
     run,
     sequence,
@@ -121,6 +122,7 @@ def build_parser() -> argparse.ArgumentParser:
         config_show,
         sequence,
         plan,
+        register,
         rehearse,
         export,
         manual,
@@ -131,9 +133,9 @@ def build_parser() -> argparse.ArgumentParser:
     if importlib.util.find_spec(compare.COMPARISON) is not None:
         compare.add(commands)
     if importlib.util.find_spec("mocca_robot.ur") is not None:
-        from mocca_robot.cli.execute import register
+        from mocca_robot.cli.execute import register as register_robot
 
-        register(commands)
+        register_robot(commands)
     return parser
 
 
