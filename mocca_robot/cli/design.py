@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import Any
 
 from mocca_robot.cli import arguments
@@ -40,10 +41,13 @@ def run(args: argparse.Namespace) -> int:
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
     if args.largest_angle:
-        found = designing.find_largest_tilt(config, contacts, console)
-        result, further = found.designed, climb_data(found)
+        climb = designing.find_largest_tilt(config, contacts, console)
+        result, further = climb.designed, climb_data(climb)
     else:
-        result, further = designing.design_joints(config, contacts, folder, console), {}
+        found = designing.design_in_order(config, contacts, folder, console)
+        if found.designed is None:
+            return designing.tell_no_order(found, console)
+        config, result, further = replace(config, assembly=found.assembly), found.designed, {}
     files, problems = stages.write_files(result, config, folder, console)
     if result.interrupted is not None:
         return designing.tell_interruption(result, files, folder, console)
@@ -52,5 +56,5 @@ def run(args: argparse.Namespace) -> int:
     outcome = stages.write_pages(outcome, config, folder, console)
     designing.forget_progress(folder)
     if args.largest_angle:
-        console.say(climb_words(found))
+        console.say(climb_words(climb))
     return conclude(outcome, console, further=further)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mocca_robot.assembly import Assembly
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.config.config import Config
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from planners.cone_joints.largest_tilt import LargestTilt
     from planners.cone_joints.outcome import Designed
     from planners.cone_joints.search import SearchState
+    from planners.order.found_order import OrderedDesign
 
 PROGRESS_FILE = "design-progress.json"
 """Beside the results: where an interrupted design stood."""
@@ -80,6 +82,47 @@ def design_joints(config: Config, contacts: ContactReport, folder: Path, console
     return result
 
 
+def design_in_order(config: Config, contacts: ContactReport, folder: Path, console: Console) -> OrderedDesign:
+    """Return the design run's outcome in the order of the configuration or, with `sequence: auto`, in one found for it.
+
+    Says what was found. Without any order there is no design.
+    """
+    from mocca_robot.contacts.find import find_contacts
+    from planners.order.found_order import OrderedDesign, design_in_found_order
+
+    if not config.finds_order:
+        designed = design_joints(config, contacts, folder, console)
+        return OrderedDesign(assembly=config.assembly, designed=designed, sequence=None, tried=1)
+
+    def joined(assembly: Assembly) -> Designed:
+        console.say(f"order: {', '.join(p.name for p in assembly.parts if not p.fixed)}")
+        return design_joints(replace(config, assembly=assembly), find_contacts(assembly), folder, console)
+
+    found = design_in_found_order(
+        config.assembly,
+        joined,
+        contacts=contacts,
+        friction=float(config.friction),
+        watch=lambda: console.stage("sequence"),
+    )
+    for line in sequence_words(found):
+        console.say(line)
+    return found
+
+
+def sequence_words(found: OrderedDesign) -> list[str]:
+    """Return how an order was found, or why none was, for people."""
+    from mocca_robot.cli.sequence import lines
+
+    assert found.sequence is not None
+    told = lines(found.sequence)
+    if found.designed is None:
+        return told
+    orders = "1 order was" if found.tried == 1 else f"{found.tried} orders were"
+    end = "" if found.designed.achieved else "; none has joints, and this is the first"
+    return [*told, f"{orders} tried for joints{end}"]
+
+
 def require_friction(config: Config) -> None:
     """Raise InputError where joints count on more friction than the parts are said to have."""
     told = config.friction
@@ -118,6 +161,15 @@ def state_words(state: SearchState) -> str:
     if state.stage == "thinning":
         return "joints that hold were found; making some of them planar again"
     return f"attempt {state.attempt + 1}, step {1 if state.polishing is None else state.polishing.steps + 1}"
+
+
+def tell_no_order(found: OrderedDesign, console: Console) -> int:
+    """Return the exit status where there is no order of assembly, after giving the evidence to programs."""
+    from mocca_robot.cli.sequence import document
+
+    assert found.sequence is not None
+    console.say(console.times())
+    return console.finish(ExitCode.NEGATIVE, {"name": found.assembly.name, "sequence": document(found.sequence)})
 
 
 def tell_interruption(result: Designed, files: Mapping[str, Path], folder: Path, console: Console) -> int:

@@ -9,6 +9,8 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode
@@ -28,6 +30,8 @@ SHARES = (0.04, 0.02, 0.01, 0.005)
 """Thickness of a shell as a share of the surface's diagonal; the first that gives sound blocks is taken."""
 SECTIONS = (0.12, 0.06, 0.03)
 """Width of a frame's rods as a share of the shortest one."""
+LEAST_ALPHA = float(np.deg2rad(0.1))
+"""Smallest α that is worth asking for."""
 FEW = 60
 """Up to so many parts an order of assembly is searched; beyond, parts come by height."""
 
@@ -109,7 +113,7 @@ def _configuration(
         what = "thickness" if source.kind == starter.SHELL else "width and height"
         read_as = "" if units else "; the file says no unit and was read as metres (--units)"
         notes.append(f"{what} of the parts: a guess{read_as}")
-        return starter.starter_yaml(name, parts_from, config.assembly, {}), config, notes
+        return starter.starter_yaml(name, parts_from, config.assembly, _allowed(config.assembly)), config, notes
     raise InputError(f"'{source.path}' makes no {source.kind}: {tried[-1]}")
 
 
@@ -150,7 +154,15 @@ def _of_parts(
         else:
             chosen |= {"sequence": [*fixed, *order], "why": "every part can go in"}
             config, notes = _sound({**parts_from, "fixed": fixed, "sequence": chosen["sequence"]}, folder)
-    return starter.starter_yaml(name, parts_from, config.assembly, chosen), config, notes
+    return starter.starter_yaml(name, parts_from, config.assembly, chosen | _allowed(config.assembly)), config, notes
+
+
+def _allowed(assembly: Assembly) -> dict[str, float]:
+    """Return the largest α that the contacts leave every part, in degrees, as 'allowed_deg'; {} where it is none."""
+    from mocca_robot.motion.parts_graph import PartsGraph
+
+    largest = min((motion.alpha_rad for _, motion in PartsGraph.of(assembly).motions()), default=0.0)
+    return {"allowed_deg": float(np.rad2deg(largest))} if largest >= LEAST_ALPHA else {}
 
 
 def _searched(assembly: Assembly) -> list[str] | None:

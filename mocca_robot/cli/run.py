@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import Any
 
 from mocca_robot.cli import arguments, simulate
@@ -35,7 +36,10 @@ def run(args: argparse.Namespace) -> int:
         console.warn(f"note: {note}")
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
-    result = designing.design_joints(config, contacts, folder, console)
+    found = designing.design_in_order(config, contacts, folder, console)
+    if found.designed is None:
+        return designing.tell_no_order(found, console)
+    config, result = replace(config, assembly=found.assembly), found.designed
     files, problems = stages.write_files(result, config, folder, console)
     if result.interrupted is not None:
         return designing.tell_interruption(result, files, folder, console)

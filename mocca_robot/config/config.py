@@ -37,6 +37,8 @@ THINNEST_M = 1e-4
 
 __all__ = ["Config", "CutOptions", "EffectiveValue", "JointOptions", "SimulationOptions", "load"]
 
+AUTO = "auto"
+"""In the place of a sequence: one is found."""
 PLAUSIBLE_SIZE_M = (0.005, 500.0)
 """Assemblies outside are more often a wrong unit than a real structure; they get a note."""
 
@@ -70,6 +72,7 @@ class Config:
         simulate: settings of the physics.
         cut: settings of the cutting drawings.
         strength: what is asked of the strength of parts.
+        finds_order: whether the order of assembly is to be found together with the joints.
         notes: what a user should know about the input: repairs, elements left out, an implausible size.
         values: every key with its effective value and origin.
     """
@@ -84,6 +87,7 @@ class Config:
     simulate: SimulationOptions
     cut: CutOptions
     strength: StrengthOptions
+    finds_order: bool = False
     notes: tuple[str, ...]
     values: tuple[EffectiveValue, ...]
 
@@ -169,6 +173,7 @@ def configured(
         simulate=options(SimulationOptions, simulate),
         cut=options(CutOptions, cut),
         strength=_strength(given, assembly, own, where, unit_m),
+        finds_order=_finds_order(given, model.assembly),
         notes=notes + model.notes + _suspicions(assembly),
         values=_effective(data, lines or {}, arguments or {}, model),
     )
@@ -262,7 +267,7 @@ def _assembly(
     assembly = model.assembly
     given = {**given, **{k: _bodies_of(model, given[k]) for k in ("fixed", "sequence") if k in given}}
     parts = _parts(assembly.parts, given, {**KNOWN, **own}, where, unit_m)
-    if "sequence" in given:
+    if "sequence" in given and not _finds_order(given, model.assembly):
         parts = in_sequence(parts, given["sequence"], f"{where}: sequence")
     _require_fixed(parts, where)
     _require_usable_size(parts, where)
@@ -299,6 +304,11 @@ def _tolerance(value: float, assembly: Assembly, where: str) -> float:
             f"tenth of that, {largest * 1e3:.3g} mm."
         )
     return metres
+
+
+def _finds_order(given: Mapping[str, Any], assembly: Assembly) -> bool:
+    """Return whether an order is to be found: `sequence: auto`, unless a part is called so."""
+    return given.get("sequence") == (AUTO,) and AUTO not in assembly.sequence
 
 
 def _bodies_of(model: Model, names: Sequence[str]) -> tuple[str, ...]:

@@ -101,7 +101,14 @@ KEYS: tuple[Key, ...] = (
         "assembly's diagonal such as `0.02 %`; default: rounding only. `check --heal` mends what it accepts.",
     ),
     Key("fixed", "names", None, "", "Parts that stand on the ground; replaces what the model says."),
-    Key("sequence", "names", None, "", "Every free part in the order of assembly; default: the order of the model."),
+    Key(
+        "sequence",
+        "names",
+        None,
+        "",
+        "Every free part in the order of assembly; default: the order of the model. `auto`: one is found together "
+        "with the joints.",
+    ),
     Key(
         "goal",
         "goals",

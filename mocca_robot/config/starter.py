@@ -37,6 +37,8 @@ DRAWING = """<?xml version="1.0" encoding="UTF-8"?>
 """An arch of five stones whose flat joints, without friction, do not hold."""
 
 SHELL, FRAME, PARTS = "shell", "frame", "parts"
+ALPHA_DEG = 5
+"""The α of a new configuration, where the contacts leave as much."""
 LISTED = (
     "name",
     "model",
@@ -125,7 +127,8 @@ def by_height(parts: Sequence[Part], fixed: Sequence[str]) -> list[str]:
 def starter_yaml(name: str, parts_from: Mapping[str, Any], assembly: Assembly, chosen: Mapping[str, Any]) -> str:
     """Return a configuration with comments: where the parts come from, what was `chosen`, and every other key.
 
-    `parts_from` holds 'model' or 'generator', and 'units' where needed; `chosen` may hold 'fixed' and 'sequence'.
+    `parts_from` holds 'model' or 'generator', and 'units' where needed; `chosen` may hold 'fixed', 'sequence' and
+    'allowed_deg', the largest α that the contacts leave.
     """
     flat = assembly.dimension == 2
     key = next((p.name for p in reversed(assembly.parts) if not p.fixed), "NAME")
@@ -166,7 +169,7 @@ def starter_yaml(name: str, parts_from: Mapping[str, Any], assembly: Assembly, c
         "goal: {kind: equilibrium}",
         "",
         "# Every part goes in from anywhere within this angle of its direction; null: not asked for.",
-        "alpha_deg: 5",
+        *_alpha(chosen),
         "",
         "density: 1200         # kg/m³, about acrylic and PLA; plywood 600, brick 1800, concrete 2400",
     ]
@@ -191,6 +194,15 @@ def _everything_else(flat: bool) -> list[str]:
         value = "…" if key.default is None else yaml_text(key.default)
         out.append(f"# {indent}{last or first}: {value:14}  # {key.description}{unit}")
     return out
+
+
+def _alpha(chosen: Mapping[str, Any]) -> list[str]:
+    """Return the line of α: its default, or all that the contacts allow where that is less."""
+    allowed = chosen.get("allowed_deg")
+    if allowed is None:
+        return [f"alpha_deg: {ALPHA_DEG}"]
+    alpha = min(float(ALPHA_DEG), np.floor(10.0 * allowed) / 10.0)
+    return [f"alpha_deg: {alpha:g}        # the contacts allow up to {allowed:.1f}°, in this order"]
 
 
 def _sequence(names: Sequence[str]) -> list[str]:

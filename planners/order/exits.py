@@ -23,6 +23,8 @@ class Exits:
 
     graph: PartsGraph
     count: int
+    key: int | None = None
+    """The part that is placed last: while it is there, no other one leaves."""
     met: dict[tuple[int, tuple[float, ...]], State] = field(default_factory=dict)
     open: dict[int, tuple[State, tuple[Array, float]]] = field(default_factory=dict)
     barred: dict[int, State] = field(default_factory=dict)
@@ -50,6 +52,8 @@ class Exits:
         least. What is known is used again: a way stays free when others have left, and stays barred while what bars it
         is there.
         """
+        if self.key is not None and part != self.key and self.key in there:
+            return None
         others = (there | self.fixed) - {part}
         if part in self.open and others <= self.open[part][0]:
             return self.open[part][1]

@@ -120,6 +120,7 @@ def find_sequence(
     states: int = 2000,
     seconds: float | None = None,
     progress: Progress | None = None,
+    key: str | None = None,
 ) -> SequenceResult:
     """Return an order in which every part goes in inside a cone of half-angle `graph.assembly.alpha_rad`.
 
@@ -128,8 +129,8 @@ def find_sequence(
     spread ones are tried (default 36 flat, 120 solid). A first order is found by taking away what lies highest; when it
     needs supports, others are searched until `states` states were seen, or for `seconds` once there is a first answer;
     then the best order so far is returned without a proof that it needs fewest. With none so far the answer is BUDGET.
-    `seconds` makes the answer depend on the machine; without them it does not. InputError when `holders` or `seconds`
-    is negative.
+    `seconds` makes the answer depend on the machine; without them it does not. `key` is placed last. InputError when
+    `holders` or `seconds` is negative.
     """
     if holders is not None and holders < 0:
         raise InputError(f"holders is {holders}; give 0 or more.")
@@ -137,7 +138,8 @@ def find_sequence(
         raise InputError(f"seconds is {seconds:g}; give 0 or more.")
     until = None if seconds is None else time.monotonic() + seconds
     assembly = graph.assembly
-    exits = Exits(graph=graph, count=directions or (36 if assembly.dimension == 2 else 120))
+    last = None if key is None else assembly.index(key)
+    exits = Exits(graph=graph, count=directions or (36 if assembly.dimension == 2 else 120), key=last)
     statics = HeldParts(graph, friction)
     locked = _deadlocked(exits)
     if locked:
@@ -149,7 +151,7 @@ def find_sequence(
             status=SequenceStatus.DEADLOCKED,
             obstacles=obstacles,
             remaining=tuple(o.part for o in obstacles),
-            proven=all(exits.proven[p] for p in locked),
+            proven=key is None and all(exits.proven[p] for p in locked),
         )
     return _search(assembly, exits, statics, holders, _Budget(states, until, progress))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
 
@@ -195,3 +196,18 @@ def test_windows_newlines_and_byte_order_marks_are_read(here: Path) -> None:
         text = Path(name).read_text(encoding="utf-8")
         Path(name).write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
     assert len(load("bridge.yaml").assembly.parts) == 5
+
+
+def test_a_new_configuration_asks_for_no_more_alpha_than_the_contacts_allow(here: Path) -> None:
+    """A wedge whose flanks lean by 3° each goes in within 3°; 5° would be refused."""
+    lean = 0.2 * np.tan(np.deg2rad(3.0))
+    left = [[0, 0], [0.2, 0], [0.2, 0.1], [0.1, 0.1], [0.1 - lean, 0.3], [0, 0.3]]
+    right = [[0.2, 0], [0.4, 0], [0.4, 0.3], [0.3 + lean, 0.3], [0.3, 0.1], [0.2, 0.1]]
+    wedge = [[0.1, 0.1], [0.3, 0.1], [0.3 + lean, 0.3], [0.1 - lean, 0.3]]
+    parts = [{"name": n, "polygon": p} for n, p in (("left", left), ("right", right), ("wedge", wedge))]
+    data = {"format": "mocca-robot/assembly", "version": 1, "dimension": 2, "units": "m", "parts": parts}
+    (here / "wedge.json").write_text(json.dumps(data), encoding="utf-8")
+    assert main(["new", "groove", "--from", "wedge.json"]) == 0
+    assert "the contacts allow up to 3.0°" in Path("groove.yaml").read_text(encoding="utf-8")
+    alpha = load(Path("groove.yaml")).assembly.alpha_rad
+    assert alpha is not None and 2.8 <= np.rad2deg(alpha) <= 3.0
