@@ -15,11 +15,17 @@ from mocca_robot.arrays import Array
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.motions import Motions
 from mocca_robot.plan.plan import Move, Step, Waypoint, insertion_axis
-from mocca_robot.plan.pose import angle_rad
+from mocca_robot.plan.pose import angle_rad, six
 from mocca_robot.plan.status import ArmState, ExecutionStatus, MotionOutcome
 
 RETRYABLE = frozenset({ExecutionStatus.JAMMED, ExecutionStatus.TRAVEL_LIMIT})
 BRIDGE_POINTS = 8
+EARLY_M = 1.5e-3
+"""A part that jams before it is in by this has not found the mouth of its joint."""
+RINGS = (0.45, 0.85)
+"""Radii on which its mouth is searched, as shares of how far a part may end beside its place."""
+AROUND = 3
+"""Alternatives that go all around; of fewer, the opposite sides are searched, too."""
 
 
 def insert(
@@ -29,13 +35,14 @@ def insert(
 
     The first attempt runs along the move's own path; up to `limits.retries` more along its alternatives, in their
     order (the own path again when they are used up). Each retry starts after a retreat along the reversed direction.
+    Before that, a part that did not even get into its mouth is pushed beside it, `limits.search_tries` times at most.
     `at` is the measured state in which it begins: an arm that stands a little ahead of the path's start, or behind it,
     pushes less or more, so that the part ends where it belongs. Depths in outcomes count from the path's start.
     """
-    paths: Sequence[Sequence[Waypoint]] = (move.path, *move.alternatives)
-    outcome = MotionOutcome(ExecutionStatus.SUCCEEDED)
-    for attempt in range(1 + limits.retries):
-        path = paths[attempt % len(paths)]
+    paths = (move.path, *move.alternatives)
+    beside = iter(search_starts(move, limits)[: limits.search_tries])
+    path, start, retries, attempt = move.path, move.path[0], 0, 0
+    while True:
         axis, depth = insertion_axis(path)
         ahead = 0.0 if at is None else float(np.subtract(at.tcp[:3], path[0].tcp[:3]) @ axis)
         outcome = arm.push(axis, depth - ahead, force_limit_n=move.force_limit_n)
@@ -43,12 +50,22 @@ def insert(
             outcome = replace(outcome, depth_m=ahead + outcome.depth_m)
         if outcome.succeeded:
             return _judged(outcome, path, limits)
-        if outcome.status not in RETRYABLE or attempt == limits.retries:
+        if outcome.status not in RETRYABLE:
             return outcome
+        before = path
+        following = next(beside, None) if (outcome.depth_m or 0.0) < EARLY_M else None
+        if following is not None:
+            path, start = move.path, following
+        elif retries == limits.retries:
+            return outcome
+        else:
+            retries += 1
+            path = paths[retries % len(paths)]
+            start = path[0]
         note("attempt_failed", outcome, attempt)
-        following = paths[(attempt + 1) % len(paths)]
-        back = _retreat(path, outcome.depth_m or 0.0)
-        for way in (back, _bridge(path[0], following[0], limits)):
+        attempt += 1
+        back = _retreat(before, outcome.depth_m or 0.0)
+        for way in (back, _bridge(before[0], start, limits)):
             moved = arm.follow(way, force_limit_n=move.force_limit_n, contact_force_n=None)
             if not moved.succeeded:
                 return moved
@@ -56,7 +73,27 @@ def insert(
         if not zeroed.succeeded:
             return zeroed
         at = zeroed.state
-    return outcome
+
+
+def search_starts(move: Move, limits: MotionLimits) -> list[Waypoint]:
+    """Return where to begin a push a little beside the move's own start: rings around it, the inner one first.
+
+    They lie towards the starts of the alternatives and away from them, so inside the α-cone as it opens there, and no
+    farther out than a part may end beside its place.
+    """
+    first = move.path[0]
+    out = []
+    for ring in RINGS:
+        for other in move.alternatives:
+            far = float(np.linalg.norm(np.subtract(other[0].tcp[:3], first.tcp[:3])))
+            if far <= 0.0:
+                continue
+            share = min(ring * limits.sideways_tolerance_m / far, 1.0)
+            for sign in (1.0, -1.0) if len(move.alternatives) < AROUND else (1.0,):
+                ends = (np.array([w.q for w in (first, other[0])]), np.array([w.tcp for w in (first, other[0])]))
+                q, tcp = (a + sign * share * (b - a) for a, b in ends)
+                out.append(Waypoint(0.0, six(q), six(tcp)))
+    return out
 
 
 def _judged(outcome: MotionOutcome, path: Sequence[Waypoint], limits: MotionLimits) -> MotionOutcome:

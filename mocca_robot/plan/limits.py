@@ -48,6 +48,8 @@ class MotionLimits:
     force_damping: float = 0.1
     force_gain: float = 0.5
     retries: int = 2
+    search_tries: int = 0
+    """How often a part that meets something at its mouth is pushed again a little beside it, before a retry."""
     state_age_s: float = 0.1
     """State older than this is no state: stop."""
     start_joint_rad: float = 0.01
@@ -139,12 +141,13 @@ def _checked(name: str, value: object, where: str, cap: float) -> float | int:
             f"{place} '{name}' is {value:g}; it must lie between {floor:g} and the driver's cap {cap:g}, which "
             f"configuration may {remedy}."
         )
-    return int(value) if name == "retries" else float(value)
+    return int(value) if name in COUNTS else float(value)
 
 
-HARD_CAPS = replace(MotionLimits(), abort_force_n=40.0)
-"""No configuration exceeds these, except for the speeds of its preset; only the abort force has room above its default
-(25 N)."""
+HARD_CAPS = replace(MotionLimits(), abort_force_n=40.0, search_tries=16)
+"""No configuration exceeds these, except for the speeds of its preset; only the abort force (25 N) and searching (off)
+have room above their defaults."""
+COUNTS = frozenset({"retries", "search_tries"})
 _MOVING = (
     "transfer_speed_m_s",
     "transfer_acceleration_m_s2",

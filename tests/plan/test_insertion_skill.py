@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ur_cell import REST, small_plan
+from ur_cell import MODEL, REST, TOOL, small_plan
 
 from mocca_robot.arrays import Array
 from mocca_robot.plan.gripper import Grip
-from mocca_robot.plan.insertion_skill import insert
+from mocca_robot.plan.insertion_skill import insert, search_starts
 from mocca_robot.plan.plan import MoveKind, Plan, Waypoint, insertion_axis
 from mocca_robot.plan.pose import Three, six
 from mocca_robot.plan.status import ArmState, ExecutionStatus, MotionOutcome
@@ -114,3 +114,30 @@ def test_a_push_ends_at_the_planned_place_wherever_the_arm_stands(ahead: float) 
     outcome = insert(arm, STEP, MOVE, LIMITS, silent, state_at(start.tolist()))
     assert arm.pushes[0][1] == pytest.approx(length - ahead)
     assert outcome.depth_m == pytest.approx(length)
+
+
+def test_a_mouth_that_is_missed_is_searched_beside_it_before_the_retries() -> None:
+    searching = replace(LIMITS, search_tries=3)
+    starts = search_starts(MOVE, searching)
+    axis, _ = insertion_axis(MOVE.path)
+    asides = []
+    for start in starts:
+        gap = np.subtract(start.tcp[:3], MOVE.path[0].tcp[:3])
+        asides.append(gap - (gap @ axis) * axis)
+        place = MODEL.tcp_pose(start.q, TOOL)
+        assert np.linalg.norm(np.subtract(place[:3], start.tcp[:3])) < 2e-5  # joints and pose are one place
+    sizes = [float(np.linalg.norm(a)) for a in asides]
+    assert min(sizes) > 0 and max(sizes) < LIMITS.sideways_tolerance_m and sizes == sorted(sizes)
+    assert float(asides[0] @ asides[1]) < 0.0  # both sides
+    arm = Told(*[jam(1e-4)] * 3, MotionOutcome(ExecutionStatus.SUCCEEDED, depth_m=0.008))
+    assert insert(arm, STEP, MOVE, searching, silent, state_at(MOVE.path[0].tcp)).succeeded
+    ends = [way[-1].tcp for way in arm.ways[1::2]]
+    assert ends == [pytest.approx(s.tcp, abs=1e-6) for s in starts[:3]]
+    assert all(np.allclose(pushed, axis) for pushed, _ in arm.pushes)
+    # What jams deep inside is no mouth that was missed; and searching ends.
+    deep = Told(*[jam(0.004)] * 3)
+    insert(deep, STEP, MOVE, searching, silent)
+    assert len(deep.pushes) == 1 + LIMITS.retries
+    never = Told(*[jam(1e-4)] * 6)
+    assert insert(never, STEP, MOVE, searching, silent).status is ExecutionStatus.JAMMED
+    assert len(never.pushes) == 1 + 3 + LIMITS.retries

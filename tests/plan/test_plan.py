@@ -15,7 +15,7 @@ from ur_cell import small_plan
 
 from mocca_robot.errors import InputError
 from mocca_robot.plan.dry_run import dry_run
-from mocca_robot.plan.limits import HARD_CAPS, NUMBERS, RAISABLE, MotionLimits
+from mocca_robot.plan.limits import COUNTS, HARD_CAPS, NUMBERS, RAISABLE, MotionLimits
 from mocca_robot.plan.plan import document, write_plan
 from mocca_robot.plan.reader import file_sha256, plan_from_document, read_plan
 from mocca_robot.plan.safety import findings, require_sound
@@ -207,7 +207,7 @@ def test_altered_design_is_refused(tmp_path: Path) -> None:
 def test_configuration_lowers_every_cap_and_raises_none(name: str) -> None:
     cap = getattr(HARD_CAPS, name)
     safer, riskier = (2 * cap, 0.5 * cap) if name == "watchdog_hz" else (0.9 * cap, 1.01 * cap + 1e-9)
-    assert getattr(MotionLimits().lowered({name: safer}), name) == (int(safer) if name == "retries" else safer)
+    assert getattr(MotionLimits().lowered({name: safer}), name) == (int(safer) if name in COUNTS else safer)
     for bad in (riskier, math.nan, math.inf, -cap, "1", None, True):
         with pytest.raises(InputError, match=f"'{name}'"):
             MotionLimits().lowered({name: bad})

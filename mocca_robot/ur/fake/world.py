@@ -26,6 +26,8 @@ WALL_PLAY_M, WALL_SLOPE, WALL_STIFFNESS_N_M = 2e-4, 0.15, 5_000.0
 """A joint is a cone: wide at its mouth, and at its end a part has this play."""
 EARLY_STIFFNESS_N_M = 2_000.0
 LINE_RADIUS_M = 0.01
+ASIDE_M, MOUTH_M, RIM_M = 6e-4, 3.5e-4, 5e-4
+"""How far aside a misplaced seat is, how far beside it its mouth still takes a part, and how deep its rim is."""
 PART_TOP_M = 0.005
 
 
@@ -48,6 +50,8 @@ class Fault(StrEnum):
     JAM = "jam"
     JAM_ONCE = "jam_once"
     """A jam that is gone when force mode begins again: what a retry is for."""
+    MISPLACED = "misplaced"
+    """Every seat is 0.6 mm aside: a part meets the rim unless it is pushed in nearly there."""
     STUCK = "stuck"
     PAYLOAD_IGNORED = "payload_ignored"
     TCP_IGNORED = "tcp_ignored"
@@ -95,17 +99,24 @@ class Trigger:
 
 @dataclass(frozen=True)
 class SeatStop:
-    """Where a part slides in: a line that ends on a stiff stop."""
+    """Where a part slides in: a line that ends on a stiff stop; the `planned` one, or an alternative."""
 
     start: Array
     axis: Array
     depth_m: float
+    planned: bool = True
 
     def distance(self, position: Array) -> float:
         """Return how far a point is from the line, which ends at the start and at the stop."""
         offset = position - self.start
         along = min(max(float(offset @ self.axis), 0.0), self.depth_m)
         return float(np.linalg.norm(offset - along * self.axis))
+
+    @property
+    def sideways(self) -> Array:
+        """Return a unit direction (3,) across the line, the one nearest to the base's x."""
+        across = np.array([1.0, 0.0, 0.0]) - self.axis[0] * self.axis
+        return np.asarray(across / np.linalg.norm(across))
 
     def guide(self, offset: Array) -> Array:
         """Return the force (3,) with which the joint's walls lead a part inwards that is `offset` from the start."""
@@ -159,7 +170,7 @@ class World:
                 if move.kind is MoveKind.INSERT:
                     for path in (move.path, *move.alternatives):
                         axis, depth = insertion_axis(path)
-                        world.seats.append(SeatStop(np.array(path[0].tcp[:3]), axis, depth))
+                        world.seats.append(SeatStop(np.array(path[0].tcp[:3]), axis, depth, path is move.path))
         return world
 
     def force(
@@ -184,7 +195,12 @@ class World:
         if push is not None:
             if (seat := self._seat_at(position, push)) is not None:
                 offset = position - seat.start
+                if Fault.MISPLACED in self.active:
+                    offset = offset - ASIDE_M * seat.sideways
                 along = float(offset @ seat.axis)
+                aside = float(np.linalg.norm(offset - along * seat.axis))
+                if Fault.MISPLACED in self.active and aside > MOUTH_M and 0.0 < along < RIM_M:
+                    out[:3] -= push * push_n
                 beyond = along - seat.depth_m - SEAT_PLAY_M
                 out[:3] -= seat.axis * (SEAT_STIFFNESS_N_M * max(beyond, 0.0))
                 if along > 0 and speed > MOVES_M_S:
@@ -204,7 +220,8 @@ class World:
 
     def _seat_at(self, position: Array, push: Array) -> SeatStop | None:
         """Return the seat that is pushed towards: the nearest line, and of those the one most in this direction."""
-        towards = [s for s in self.seats if float(s.axis @ push) > 0.99]
+        here = [s for s in self.seats if s.planned or Fault.MISPLACED not in self.active]
+        towards = [s for s in here if float(s.axis @ push) > 0.99]
         near = [(round(s.distance(position), 4), -float(s.axis @ push)) for s in towards]
         nearest = min(zip(near, towards, strict=True), key=lambda pair: pair[0], default=(None, None))[1]
         return nearest if nearest is not None and nearest.distance(position) < LINE_RADIUS_M else None
