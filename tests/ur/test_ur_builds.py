@@ -1,4 +1,4 @@
-"""Whole builds of the shipped configurations on an arm as a lab has it: miscalibrated, noisy, slowed down. Minutes each."""
+"""Whole builds of the shipped configurations on an arm as a lab has it: miscalibrated, noisy, slowed down."""
 
 from __future__ import annotations
 
