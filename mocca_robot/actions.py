@@ -123,7 +123,26 @@ class BodyAcceleration:
     kind: ClassVar[str] = "acceleration"
 
 
-Action: TypeAlias = PointForce | LineForce | Pressure | Wind | AddedMass | Worker | BodyAcceleration
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SupportMove:
+    """A support that settles, spreads or turns. How far it may go is found; no joint is designed for it.
+
+    Attributes:
+        part: a fixed part.
+        shift: (d,) metres.
+        turn_rad: counter-clockwise, in the plane.
+        about: (d,) what it turns about; None = its centre.
+    """
+
+    name: str
+    part: str
+    shift: Array
+    turn_rad: float = 0.0
+    about: Array | None = None
+    kind: ClassVar[str] = "support"
+
+
+Action: TypeAlias = SupportMove | PointForce | LineForce | Pressure | Wind | AddedMass | Worker | BodyAcceleration
 
 
 @dataclass(frozen=True, kw_only=True)

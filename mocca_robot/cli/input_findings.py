@@ -23,6 +23,7 @@ from mocca_robot.statics.friction_cases import TANGENTIAL_BAND, tilt_band, tilt_
 from mocca_robot.statics.load_factor import load_factors
 from mocca_robot.statics.loads import load_cases, state_cases, tilt_azimuths
 from mocca_robot.statics.mobility import Mobility, mobility
+from mocca_robot.statics.moving_support import support_factors
 from mocca_robot.statics.tilt_reserve import TiltReserve, tilt_reserve
 from mocca_robot.verdicts.verification import Verification, part_overlap
 
@@ -83,8 +84,13 @@ def checkup(
     goals = assembly.goals if key is None or key in keys else (*assembly.goals, Interlocking(key))
     key = key or next(iter(keys), None)
     cases = tuple(solve_case(graph, case, friction) for case in load_cases(graph, goals))
+    factors = (*load_factors(graph, friction), *support_factors(graph, friction))
     verification = Verification(
-        graph, cases, insertion_verdicts(graph), part_overlap(assembly), load_factors(graph, friction)
+        graph,
+        cases,
+        insertion_verdicts(graph),
+        part_overlap(assembly),
+        factors,
     )
     states = tuple(solve_case(graph, case, friction) for case in state_cases(graph))
     angles = tilt_azimuths(assembly.dimension, azimuths)

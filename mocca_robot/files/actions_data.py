@@ -19,6 +19,7 @@ from mocca_robot.actions import (
     LineForce,
     PointForce,
     Pressure,
+    SupportMove,
     Wind,
     Worker,
 )
@@ -33,6 +34,8 @@ FORCE = {"N": 1.0, "kN": 1e3, "MN": 1e6, "kgf": STANDARD_GRAVITY, "lbf": 4.44822
 LINE = {"N/m": 1.0, "kN/m": 1e3, "N/mm": 1e3}
 PRESSURE = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "N/m²": 1.0, "N/m2": 1.0, "kN/m²": 1e3, "kN/m2": 1e3, "N/mm²": 1e6}
 MASS = {"kg": 1.0, "g": 1e-3, "t": 1e3, "lb": 0.45359237}
+LENGTH = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+ANGLE = {"°": float(np.deg2rad(1.0)), "deg": float(np.deg2rad(1.0)), "rad": 1.0}
 ACCELERATION = {"m/s²": 1.0, "m/s2": 1.0, "g": STANDARD_GRAVITY}
 AMOUNT = re.compile(r"(?P<number>[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|nan|inf)\s*(?P<unit>.*)")
 LARGEST = 1e15
@@ -47,6 +50,7 @@ KINDS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "mass": (("part", "mass"), ("at",)),
     "worker": (("mass",), ()),
     "acceleration": (("acceleration", "direction"), ()),
+    "support": (("part",), ("shift", "direction", "turn", "about")),
 }
 """Kind → the keys that it needs, and those that it may have."""
 
@@ -121,6 +125,8 @@ def _action(entry: object, parts: Sequence[Part], unit_m: float, where: str) -> 
         return Wind(name=name, pressure_pa=pressure, towards=direction(data["towards"], f"{where}: towards", d))
     if kind == "pressure":
         return _pressure(data, name, parts, unit_m, where)
+    if kind == "support":
+        return _support(data, name, parts, unit_m, where)
     part = _loaded(data["part"], parts, where)
     if kind == "mass":
         return AddedMass(
@@ -135,6 +141,30 @@ def _action(entry: object, parts: Sequence[Part], unit_m: float, where: str) -> 
     if np.array_equal(start, end):
         raise InputError(f"{where}: start and end are the same place; for a load at one place use kind: force.")
     return LineForce(name=name, part=part.name, start=start, end=end, force=read_only(size * way))
+
+
+def _support(data: Mapping[str, Any], name: str, parts: Sequence[Part], unit_m: float, where: str) -> SupportMove:
+    d = parts[0].shape.dimension
+    known = fields.part_name(data["part"], f"{where}: part")
+    part = next(p for p in parts if p.name == fields.known_name(known, [p.name for p in parts], f"{where}: part"))
+    if not part.fixed:
+        fixed = [p.name for p in parts if p.fixed]
+        raise InputError(f"{where} moves '{part.name}', which is no support: it is not fixed. {nearest(known, fixed)}")
+    if d == 3:
+        raise InputError(f"{where} moves a support; only flat structures are followed so far. Leave it out.")
+    if "shift" not in data and "turn" not in data:
+        raise InputError(f"{where} says no move; give shift: 10 mm with a direction, or turn: 1 deg, or both.")
+    size = quantity(data["shift"], LENGTH, f"{where}: shift") if "shift" in data else 0.0
+    if "direction" in data and "shift" not in data:
+        raise InputError(f"{where} has a direction and no shift; give shift: 10 mm, or leave the direction out.")
+    turn = 0.0
+    if "turn" in data:
+        text = data["turn"]
+        back = isinstance(text, str) and text.strip().startswith("-")
+        turn = quantity(text.strip()[1:] if back else text, ANGLE, f"{where}: turn") * (-1.0 if back else 1.0)
+    about = None if "about" not in data else read_only(fields.vector(data["about"], f"{where}: about", (d,)) * unit_m)
+    shift = read_only(size * direction(data.get("direction", "down"), f"{where}: direction", d))
+    return SupportMove(name=name, part=part.name, shift=shift, turn_rad=turn, about=about)
 
 
 def _pressure(data: Mapping[str, Any], name: str, parts: Sequence[Part], unit_m: float, where: str) -> Pressure:
@@ -212,6 +242,14 @@ def actions_to_data(actions: Sequence[Action]) -> list[dict[str, Any]]:
 
 def _data(action: Action) -> dict[str, Any]:
     entry: dict[str, Any] = {"name": action.name, "kind": action.kind}
+    if isinstance(action, SupportMove):
+        entry["part"] = action.part
+        if action.shift.any():
+            size, way = _split(action.shift)
+            entry |= {"shift": f"{size!r} m", "direction": way}
+        if action.turn_rad:
+            entry["turn"] = f"{action.turn_rad!r} rad"
+        return entry if action.about is None else {**entry, "about": action.about.tolist()}
     if isinstance(action, Worker):
         return {**entry, "mass": f"{action.mass_kg!r} kg"}
     if isinstance(action, BodyAcceleration):
@@ -248,7 +286,11 @@ def combinations_from_data(data: object, actions: Sequence[Action], where: str) 
     Raises InputError for loads that do not exist and for factors that are not above zero.
     """
     if data is None or data == []:
-        return tuple(Combination(name=a.name, factors={a.name: 1.0}, states=_states(a)) for a in actions)
+        return tuple(
+            Combination(name=a.name, factors={a.name: 1.0}, states=_states(a))
+            for a in actions
+            if not isinstance(a, SupportMove)
+        )
     if not isinstance(data, list):
         raise InputError(f"{where} must be a list of combinations, not {fields.shown(data)}.")
     known = [a.name for a in actions]
@@ -267,6 +309,8 @@ def combinations_from_data(data: object, actions: Sequence[Action], where: str) 
         for load, factor in fields.mapping(mapping["factors"], f"{place}.factors").items():
             if load not in known:
                 raise InputError(f"{place} names the load {fields.shown(load)}; {nearest(str(load), known)}")
+            if isinstance(actions[known.index(load)], SupportMove):
+                raise InputError(f"{place} names '{load}', a support that moves: it is no force, and acts alone.")
             factors[str(load)] = fields.number(factor, f"{place}.factors.{load}", above=0.0, high=1e6)
         gravity = fields.number(mapping.get("gravity", 1.0), f"{place}.gravity", above=0.0, high=1e6)
         states = fields.choice(mapping.get("states", "finished"), ("finished", "all"), f"{place}.states")

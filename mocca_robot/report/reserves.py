@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mocca_robot.actions import Action, AddedMass, BodyAcceleration, LineForce, PointForce, Worker
+from mocca_robot.actions import Action, AddedMass, BodyAcceleration, LineForce, PointForce, SupportMove, Worker
 from mocca_robot.assembly import Assembly
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.markup import esc, listed, significant, table
@@ -19,16 +19,28 @@ from mocca_robot.statics.load_factor import LoadFactor
 def factor_words(found: LoadFactor) -> str:
     """Return how much of a load the structure takes, as a sentence (not escaped)."""
     when = f" just after placing '{found.placed}'" if found.placed else ""
+    if found.factor is None and found.move is not None:
+        return f"'{found.name}': not decided: the support is driven into something that cannot give way"
     if found.factor is None:
         return f"how much of '{found.name}' it takes{when} is not decided: the solver was inaccurate"
     if found.steps == 0:
         return f"'{found.name}': presses on nothing that can move; look at its place and its direction"
     if math.isinf(found.factor):
-        return f"'{found.name}': any amount stands"
+        far = "stands however far it goes (tried up to half the structure's size)"
+        return f"'{found.name}': {'any amount stands' if found.move is None else far}"
     names = ", ".join(f"'{name}'" for name in found.moving[:4]) + (", …" if len(found.moving) > 4 else "")
     if found.factor == 0.0:
         return f"'{found.name}': stands with none of it{when}; {names} would move"
+    if found.move is not None:
+        gone = move_words(found.factor * found.move[0], found.factor * found.move[1])
+        return f"'{found.name}': stands until its support has moved by {gone}; then {names} would fall"
     return f"'{found.name}': stands up to {significant(found.factor, 4)} times it{when}; then {names} would move"
+
+
+def move_words(metres: float, radians: float) -> str:
+    """Return how far a support moves: 12 mm and 3°."""
+    said = [f"{1e3 * metres:.4g} mm"] if metres else []
+    return " and ".join([*said, f"{math.degrees(radians):.4g}°"] if radians else said)
 
 
 def size_words(assembly: Assembly, name: str) -> str:
@@ -41,6 +53,8 @@ def size_words(assembly: Assembly, name: str) -> str:
 
 
 def _size(action: Action) -> str:
+    if isinstance(action, SupportMove):
+        return f"'{action.part}' moves by {move_words(float(np.linalg.norm(action.shift)), action.turn_rad)}"
     if isinstance(action, PointForce):
         return f"{np.linalg.norm(action.force):.4g} N on '{action.part}'"
     if isinstance(action, LineForce):
@@ -96,6 +110,15 @@ def factors_data(found: Sequence[LoadFactor]) -> list[dict[str, Any]]:
             "decided": f.factor is not None,
             "placed": f.placed or None,
             "moving": list(f.moving),
+            **_moved(f),
         }
         for f in found
     ]
+
+
+def _moved(found: LoadFactor) -> dict[str, float]:
+    """Return how far a support goes before the structure falls, for JSON; nothing for loads."""
+    if found.move is None or found.factor is None or math.isinf(found.factor):
+        return {}
+    metres, radians = (found.factor * size for size in found.move)
+    return {"moved_m": metres, "turned_deg": math.degrees(radians)}

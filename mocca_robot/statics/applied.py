@@ -15,6 +15,7 @@ from mocca_robot.actions import (
     LineForce,
     PointForce,
     Pressure,
+    SupportMove,
     Wind,
     Worker,
 )
@@ -45,6 +46,8 @@ class Push:
 def pushes(graph: PartsGraph, action: Action) -> list[Push]:
     """Return the forces of one load on the parts of a state that are there; a `Worker` is on what was placed last."""
     assembly, there = graph.assembly, graph.present
+    if isinstance(action, SupportMove):
+        return []
     if isinstance(action, BodyAcceleration):
         found = [
             Push(part=k, force=part.mass * action.acceleration, point=part.centroid)
@@ -66,7 +69,7 @@ def applied_forces(graph: PartsGraph, action: Action, cell: float) -> list[tuple
     """Return part, force (d,) and its point (d,) of every piece of a load but an acceleration: what `applied_wrenches`
     sums up, with lines and pressed faces cut into pieces of at most about `cell` metres.
     """
-    if isinstance(action, BodyAcceleration):
+    if isinstance(action, BodyAcceleration | SupportMove):
         return []
     if isinstance(action, Pressure | Wind):
         flat = [0, 2] if graph.assembly.dimension == 2 else [0, 1, 2]

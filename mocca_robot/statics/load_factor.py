@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mocca_robot.actions import Combination
+from mocca_robot.actions import Combination, SupportMove
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
 from mocca_robot.joints.joint import contact_rays
@@ -48,6 +48,7 @@ class LoadFactor:
         moving: names of the parts that move then.
         steps: problems solved; 0 where the load presses on nothing that can move.
         placed: the part just placed in the state that this is about; '' = the finished structure.
+        move: metres and radians of a support that moves, of which `factor` is a multiple; None for loads.
     """
 
     name: str
@@ -57,6 +58,7 @@ class LoadFactor:
     moving: tuple[str, ...]
     steps: int
     placed: str = ""
+    move: tuple[float, float] | None = None
 
 
 def load_factors(graph: PartsGraph, friction: float = 0.0) -> tuple[LoadFactor, ...]:
@@ -69,10 +71,15 @@ def load_factors(graph: PartsGraph, friction: float = 0.0) -> tuple[LoadFactor, 
 
 
 def asked_combinations(assembly: Assembly) -> tuple[Combination, ...]:
-    """Return what load factors are found of: each load alone, then combinations of several or with gravity factored."""
+    """Return what load factors are found of: each load alone, then combinations of several or with gravity factored.
+
+    Supports that move are no loads: see `mocca_robot.statics.moving_support`.
+    """
     states = {c.name: c.states for c in assembly.combinations}
     alone = (
-        Combination(name=a.name, factors={a.name: 1.0}, states=states.get(a.name, "finished")) for a in assembly.actions
+        Combination(name=a.name, factors={a.name: 1.0}, states=states.get(a.name, "finished"))
+        for a in assembly.actions
+        if not isinstance(a, SupportMove)
     )
     return (*alone, *(c for c in assembly.combinations if len(c.factors) > 1 or c.gravity != 1.0))
 

@@ -18,6 +18,7 @@ from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import CaseVerdict, solve_cases_on
 from mocca_robot.statics.load_factor import LoadFactor, load_factors
 from mocca_robot.statics.loads import load_cases
+from mocca_robot.statics.moving_support import support_factors
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,14 @@ def verify(
     """
     graph = PartsGraph.of(assembly, insertion=directions)
     cases = solve_cases_on(executor, graph, load_cases(graph, goals), friction)
-    return Verification(graph, cases, insertion_verdicts(graph), part_overlap(assembly), load_factors(graph, friction))
+    factors = (*load_factors(graph, friction), *support_factors(graph, friction))
+    return Verification(
+        graph,
+        cases,
+        insertion_verdicts(graph),
+        part_overlap(assembly),
+        factors,
+    )
 
 
 def part_overlap(assembly: Assembly) -> float:

@@ -25,6 +25,8 @@ EVERY_KIND: list[dict[str, Any]] = [
     {"name": "lamp", "kind": "mass", "part": "plank", "mass": "1500 g", "at": [100, 900]},
     {"name": "worker", "kind": "worker", "mass": "80 kg"},
     {"name": "quake", "kind": "acceleration", "acceleration": "0.1 g", "direction": "+x"},
+    {"name": "spreads", "kind": "support", "part": "ground", "shift": "10 mm", "direction": "+x"},
+    {"name": "leans", "kind": "support", "part": "ground", "turn": "-2 deg", "about": [0, 100]},
 ]
 
 
@@ -36,6 +38,9 @@ def test_every_kind_is_read_in_its_units_and_written_back() -> None:
     assert found["snow"].pressure_pa == 1500.0 and found["snow"].within.tolist() == [[0.0, 0.0], [0.4, 2.0]]  # type: ignore[union-attr]
     assert found["lamp"].mass_kg == 1.5 and found["wind"].towards.tolist() == [-1.0, 0.0]  # type: ignore[union-attr]
     assert found["quake"].acceleration == pytest.approx([0.980665, 0.0])  # type: ignore[union-attr]
+    assert found["spreads"].shift == pytest.approx([0.01, 0.0])  # type: ignore[union-attr]
+    assert found["leans"].turn_rad == pytest.approx(np.deg2rad(-2.0))  # type: ignore[union-attr]
+    assert found["leans"].about.tolist() == [0.0, 0.1]  # type: ignore[union-attr]
     again = actions_from_data(actions_to_data(actions), PARTS, 1.0, "loads")
     assert actions_to_data(again) == actions_to_data(actions)
 
@@ -100,7 +105,7 @@ def test_names_are_unique_and_needed() -> None:
 def test_without_combinations_each_load_acts_alone() -> None:
     actions = actions_from_data(EVERY_KIND, PARTS, 1e-3, "loads")
     found = combinations_from_data(None, actions, "combinations")
-    assert [c.name for c in found] == [a.name for a in actions]
+    assert [c.name for c in found] == [a.name for a in actions if a.kind != "support"]
     assert all(c.factors == {c.name: 1.0} and c.gravity == 1.0 for c in found)
     assert [c.name for c in found if c.states == "all"] == ["worker"]
 
@@ -126,3 +131,35 @@ def test_a_combination_that_cannot_be_used_is_named(entry: dict[str, Any], words
 def test_quantities_are_numbers_with_units(size: float, space: str, unit: str) -> None:
     factor = {"N": 1.0, "kN": 1e3, "MN": 1e6}[unit]
     assert quantity(f"{size!r}{space}{unit}", {"N": 1.0, "kN": 1e3, "MN": 1e6}, "force") == size * factor
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"part": "plank"}, "no support"),
+        ({"part": "grund"}, "'ground'"),
+        ({"shift": "10"}, "unit"),
+        ({"shift": "10 kg"}, "mm"),
+        ({"shift": "-1 mm"}, "more than 0"),
+        ({"shift": "nan mm"}, "finite"),
+        ({"turn": "3"}, "unit"),
+        ({"about": [1, 2, 3]}, "2 numbers"),
+    ],
+)
+def test_a_support_that_cannot_move_so_is_named(change: dict[str, Any], words: str) -> None:
+    move = {"name": "m", "kind": "support", "part": "ground", "shift": "10 mm", **change}
+    with pytest.raises(InputError) as error:
+        actions_from_data([move], PARTS, 1e-3, "loads")
+    assert words in str(error.value)
+
+
+def test_a_support_needs_a_move_and_stands_in_no_combination() -> None:
+    move = {"name": "m", "kind": "support", "part": "ground"}
+    with pytest.raises(InputError, match="says no move"):
+        actions_from_data([move], PARTS, 1e-3, "loads")
+    with pytest.raises(InputError, match="no shift"):
+        actions_from_data([{**move, "turn": "1 deg", "direction": "+x"}], PARTS, 1e-3, "loads")
+    actions = actions_from_data([{**move, "shift": "1 mm"}], PARTS, 1e-3, "loads")
+    assert combinations_from_data(None, actions, "combinations") == ()
+    with pytest.raises(InputError, match="acts alone"):
+        combinations_from_data([{"name": "c", "factors": {"m": 1.5}}], actions, "combinations")

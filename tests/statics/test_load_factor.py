@@ -27,6 +27,7 @@ from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report.reserves import factor_words, factors_data
 from mocca_robot.statics.applied import applied_wrenches, combined
 from mocca_robot.statics.cases import solve_case
+from mocca_robot.statics.exposed import standing_place
 from mocca_robot.statics.load_factor import load_factors
 from mocca_robot.statics.loads import gravity_wrenches, load_cases
 from mocca_robot.statics.solver.system import ContactSystem
@@ -266,3 +267,12 @@ def test_what_stands_only_with_its_load_stands_with_none_of_it() -> None:
     weight = AddedMass(name="counterweight", part="plank", mass_kg=1e4, at=np.array([1.15, 1.1]))
     (found,) = load_factors(PartsGraph.of(carrying(parts, weight)))
     assert found.factor == 0.0 and found.moving == ("plank",)
+
+
+def test_a_worker_stands_on_the_upper_faces_of_a_part_not_over_its_middle() -> None:
+    """An L whose back rises beside its seat is stood on where its upper faces balance, at the height that is there."""
+    l_shape = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 0.5], [1.0, 0.5], [1.0, 2.0], [0.0, 2.0]])
+    wedge = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0]])
+    spike = np.array([[0.0, 0.0], [1.0, 0.0], [0.4, 3.0]])
+    for corners, place in ((l_shape, [1.5, 0.5]), (wedge, [1.0, 0.5]), (spike, [0.4, 3.0])):
+        assert standing_place(Part("part", Polygon(corners, (), 1.0)), 20.0) == pytest.approx(np.array(place))
