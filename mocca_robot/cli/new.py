@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import shlex
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from mocca_robot.cli import arguments
 from mocca_robot.cli.console import Console
@@ -30,7 +29,7 @@ SHARES = (0.04, 0.02, 0.01, 0.005)
 """Thickness of a shell as a share of the surface's diagonal; the first that gives sound blocks is taken."""
 SECTIONS = (0.12, 0.06, 0.03)
 """Width of a frame's rods as a share of the shortest one."""
-LEAST_ALPHA = float(np.deg2rad(0.1))
+LEAST_ALPHA_DEG = 0.1
 """Smallest α that is worth asking for."""
 FEW = 60
 """Up to so many parts an order of assembly is searched; beyond, parts come by height."""
@@ -162,7 +161,8 @@ def _allowed(assembly: Assembly) -> dict[str, float]:
     from mocca_robot.motion.parts_graph import PartsGraph
 
     largest = min((motion.alpha_rad for _, motion in PartsGraph.of(assembly).motions()), default=0.0)
-    return {"allowed_deg": float(np.rad2deg(largest))} if largest >= LEAST_ALPHA else {}
+    allowed = math.degrees(largest)
+    return {"allowed_deg": allowed} if allowed >= LEAST_ALPHA_DEG else {}
 
 
 def _searched(assembly: Assembly) -> list[str] | None:
