@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import os
 import secrets
 import socket
 import webbrowser
@@ -85,6 +86,8 @@ def listen(port: int | None) -> socket.socket:
         raise InputError(f"--port is {port}; give a number from 1024 to 65535, or none.")
     for candidate in (port,) if port is not None else range(PORT, PORT + TRIED):
         found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        if os.name == "posix":  # A port just left can be taken again; on Windows the option would let two listen.
+            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             found.bind(("127.0.0.1", candidate))
         except OSError:

@@ -183,7 +183,7 @@ class Session:
             "revision": self.revision,
             "data": dict(self.now.data),
             "name": self.source.stem,
-            "file": None if self.saved.path is None else str(self.saved.path),
+            "file": None if self.saved.path is None else _as_typed(self.saved.path),
             "suggested": str(self.start / f"{self.source.stem}.yaml"),
             "saved": saved,
             "undo": self.history.undoes,
@@ -302,3 +302,9 @@ class Session:
     def _with_model_beside(self, target: Path) -> dict[str, Any]:
         """Return the data to save to `target`; a model that lies in this window's own folder is copied beside it."""
         return saving.with_model_beside(self.now.data, self.now.folder, target, self.folder)
+
+
+def _as_typed(path: Path) -> str:
+    """Return a path as one would type it in the folder where the studio was started."""
+    here = Path.cwd()
+    return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
