@@ -70,7 +70,7 @@ def mended(name: str, vertices: Array, faces: IntArray) -> Mended:
     origin = np.arange(len(faces))
     notes: list[str] = []
     places, same = distinct_rows(vertices)
-    if _closed_as_indexed(faces, same[faces]):
+    if len(places) < len(vertices) and _closed_as_indexed(faces, same[faces]):
         # Corners that the file keeps apart belong to bodies that touch there: welding would only mix them up.
         return _split_into_bodies(name, vertices, faces, surfaces.bodies(faces), notes)
     vertices, faces = places, same[faces]
