@@ -37,10 +37,12 @@ def design_joints(config: Config, contacts: ContactReport, folder: Path, console
     in `PROGRESS_FILE` until `forget_progress`.
     """
     from planners.cone_joints.checkpoint import Checkpoint, design_identity, read_checkpoint
-    from planners.cone_joints.designer import design
+    from planners.cone_joints.designer import contacts_left_planar, design
     from planners.cone_joints.largest_tilt import design_as_asked
 
     insertion = dict(config.insertion) or None
+    for line in contacts_left_planar(config.assembly, contacts):
+        console.warn(f"note: {line}")
     require_friction(config)
     if np.isinf(config.joints.tilt_margin_rad):
         with console.stage("climb") as show:

@@ -64,7 +64,9 @@ def _flip(points: Array, facets: IntArray, sliver: int) -> IntArray | None:
     for other in range(len(facets)):
         row = facets[other].tolist()
         if (b, a) in zip(row, row[1:] + row[:1]):
-            d = next(v for v in row if v not in (a, b))
+            d = next((v for v in row if v not in (a, b)), None)
+            if d is None:
+                continue
             new = np.array([[a, d, c], [d, b, c]])
             if _relative_heights(points, new).min() <= _relative_heights(points, facets[[sliver, other]]).min():
                 return None

@@ -8,16 +8,18 @@ rounds. Each rest is triangulated with all its boundary vertices.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.assembly import Assembly, Mesh
+from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import InputError
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.geometry.surfaces import separated
@@ -28,7 +30,7 @@ from mocca_robot.geometry.triangulation import (
     split_facets,
     triangulate_loops,
 )
-from mocca_robot.joints.joint import Joint
+from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.tolerances import TINY, TOLERANCES, Tolerances
 
 
@@ -36,12 +38,69 @@ def build_parts_3d(assembly: Assembly, joints: Sequence[Joint], tolerances: Tole
     """Return `assembly` with every joint's surface in place of its contact, the same triangles in both parts.
 
     Joints outside `joints` leave no trace; contacts passed as planar joints become facets of both parts. Corners
-    closer than the contact tolerance are welded, also where the input was not exact. Raises InputError when a
-    joint's contact does not lie on a face of its part.
+    closer than the contact tolerance are welded, also where the input was not exact. Planar joints of a part that would
+    not close with them leave no trace either: its faces are flat there without them. Raises NotBuilt when a joint's
+    contact does not lie on a face of its part, or a part does not close.
     """
-    pieces = _Pieces.of(assembly, joints, 2.0 * tolerances.contact_gap * assembly.size)
-    shapes = [_built(assembly, pieces, part, joints, tolerances) for part in range(len(assembly.parts))]
-    return assembly.with_shapes(shapes)
+    kept = list(joints)
+    while True:
+        pieces = _Pieces.of(assembly, kept, 2.0 * tolerances.contact_gap * assembly.size)
+        try:
+            shapes = [_built(assembly, pieces, part, kept, tolerances) for part in range(len(assembly.parts))]
+        except NotBuilt as error:
+            flat = [j for j in kept if j.kind == "planar" and error.part in j.contact.parts]
+            for joint in flat:
+                _require_on_faces(assembly, joint, tolerances)
+            if not flat:
+                raise
+            kept = [j for j in kept if j not in flat]
+        else:
+            return assembly.with_shapes(shapes)
+
+
+def _require_on_faces(assembly: Assembly, joint: Joint, tolerances: Tolerances) -> None:
+    """Raise NotBuilt when the parts of a joint cannot even be built with it alone."""
+    pieces = _Pieces.of(assembly, [joint], 2.0 * tolerances.contact_gap * assembly.size)
+    for part in joint.contact.parts:
+        _built(assembly, pieces, part, [joint], tolerances)
+
+
+class NotBuilt(InputError):
+    """The part with the index `part` cannot be built with the joints that were asked for."""
+
+    def __init__(self, message: str, part: int) -> None:
+        super().__init__(message)
+        self.part = part
+
+
+@lru_cache(maxsize=4)
+def contacts_to_cut(assembly: Assembly, contacts: tuple[Contact, ...]) -> BoolArray:
+    """Return (E,) which of `contacts` joints can be cut into the parts of an assembly of solids: all, nearly always.
+
+    Where a part would not close with all of its own, as contacts that overlap each other leave it, the larger ones are
+    taken first. What a joint is cut into is the outline of its contact, so its shape makes no difference.
+    """
+    joints = [planar(c) for c in contacts]
+    usable = np.ones(len(joints), dtype=np.bool_)
+    gap = 2.0 * TOLERANCES.contact_gap * assembly.size
+
+    def failing(parts: Iterable[int]) -> int | None:
+        kept = [j for j, good in zip(joints, usable) if good]
+        pieces = _Pieces.of(assembly, kept, gap)
+        for part in parts:
+            try:
+                _built(assembly, pieces, part, kept, TOLERANCES)
+            except NotBuilt:
+                return part
+        return None
+
+    while usable.any() and (part := failing(range(len(assembly.parts)))) is not None:
+        mine = [e for e in np.flatnonzero(usable).tolist() if part in contacts[e].parts]
+        usable[mine] = False
+        for e in sorted(mine, key=lambda e: -contacts[e].measure):
+            usable[e] = True
+            usable[e] = failing([part]) is None
+    return read_only(usable, np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,15 +208,21 @@ def _built(assembly: Assembly, pieces: _Pieces, part: int, joints: Sequence[Join
         flat, smallest = _rest(pieces.points, np.concatenate(rest), normal)
         if smallest < -pieces.gap * assembly.size:
             names = " and ".join(assembly.parts[p].name for p in joints[group[0]].contact.parts)
-            raise InputError(
+            raise NotBuilt(
                 f"The contact between {names} does not lie on a face of part '{assembly.parts[part].name}' "
-                f"({-smallest:.3g} m² outside); find contacts from this very geometry before building joints."
+                f"({-smallest:.3g} m² outside); find contacts from this very geometry before building joints.",
+                part,
             )
         built.append(flat)
     kept = faces[~replaced[origin]]
     triangles = np.concatenate([kept, *built, *surfaces.values()])
     touching = _doubled(faces)
-    _require_closed(triangles, assembly.parts[part].name, touching)
+    if not _closes(triangles, touching):
+        raise NotBuilt(
+            f"Part '{assembly.parts[part].name}' would not close with its joints. Its contacts overlap each other, or "
+            "the mesh is not closed; check the contacts of this part.",
+            part,
+        )
     used, compact = np.unique(triangles, return_inverse=True)
     points, triangles = pieces.points[used], compact.reshape(-1, 3)
     if touching:
@@ -206,17 +271,11 @@ def _rest(points: Array, edges: IntArray, normal: Array) -> tuple[IntArray, floa
     return used[triangles], float(0.5 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]).min(initial=0.0))
 
 
-def _require_closed(triangles: IntArray, name: str, touching: bool) -> None:
-    """Raise InputError unless every edge has one neighbour, or where bodies are `touching` as many as triangles."""
+def _closes(triangles: IntArray, touching: bool) -> bool:
+    """Return whether every edge has one neighbour, or where bodies are `touching` as many as triangles."""
+    if len(triangles) == 0:
+        return False
     edges = _edges(triangles)
     n = int(triangles.max()) + 1
-    forward, backward = edges[:, 0] * n + edges[:, 1], edges[:, 1] * n + edges[:, 0]
-    distinct = np.unique(forward)
-    if touching and np.array_equal(np.sort(forward), np.sort(backward)):
-        return
-    if len(distinct) != len(forward) or not np.array_equal(distinct, np.unique(backward)):
-        open_edges = len(np.setxor1d(forward, backward)) + len(forward) - len(distinct)
-        raise InputError(
-            f"Part '{name}' would not close with its joints ({open_edges} edges without exactly one neighbour). "
-            "Its contacts overlap each other, or the mesh is not closed; check the contacts of this part."
-        )
+    forward, backward = np.sort(edges[:, 0] * n + edges[:, 1]), np.sort(edges[:, 1] * n + edges[:, 0])
+    return np.array_equal(forward, backward) and (touching or bool((forward[1:] != forward[:-1]).all()))

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from mocca_robot.arrays import Array, BoolArray
+from mocca_robot.arrays import Array, BoolArray, read_only
 from mocca_robot.assembly import Assembly, Lateral
 from mocca_robot.contacts.contact import Contact, ContactReport
 from mocca_robot.contacts.find import find_contacts, require_exact, require_sound
 from mocca_robot.design import CaseResult, Design
 from mocca_robot.errors import InputError
+from mocca_robot.joints.build3d import contacts_to_cut
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import ways_out
@@ -195,7 +197,8 @@ def joint_shapes(graph: PartsGraph, options: JointOptions, axis: Array) -> Shape
         return Shapes2D.of(graph.assembly, graph.contacts, options)
     shapes = Shapes3D.of(graph.assembly, graph.contacts, options, axis)
     _require_cells(shapes)
-    return shapes
+    cut = contacts_to_cut(graph.assembly, graph.contacts)
+    return shapes if cut.all() else replace(shapes, can_curve=read_only(shapes.can_curve & cut, np.bool_))
 
 
 def _require_cells(shapes: Shapes3D) -> None:
@@ -211,6 +214,19 @@ def _require_cells(shapes: Shapes3D) -> None:
             f"largest contact; a tool of joints.min_radius {radius * 1e3:.3g} mm cuts {2e3 * radius:.3g} mm or more. "
             "Lower either, or leave 'heights' out of joints.kinds."
         )
+
+
+def contacts_left_planar(assembly: Assembly, report: ContactReport) -> tuple[str, ...]:
+    """Return what is known before any search: the contacts into which no joint can be cut, each with its reason."""
+    if assembly.dimension == 2:
+        return ()
+    found = joint_contacts(assembly, report)
+    return tuple(
+        f"The contact between {_between(assembly, contact)} stays planar: with it, and its other contacts, one of the "
+        "two would not close."
+        for contact, cut in zip(found, contacts_to_cut(assembly, found))
+        if not cut
+    )
 
 
 def margin_cases(assembly: Assembly, required: Sequence[LoadCase], tilt_rad: float) -> tuple[LoadCase, ...]:
@@ -270,12 +286,17 @@ def _narrow_parts(graph: PartsGraph, axis: Array) -> tuple[NarrowPart, ...]:
 
 
 def _notes(assembly: Assembly, shapes: Shapes, report: ContactReport) -> tuple[str, ...]:
-    notes = []
+    notes = list(contacts_left_planar(assembly, report))
     kept: BoolArray = ~shapes.can_curve
+    if assembly.dimension == 3:
+        kept &= contacts_to_cut(assembly, shapes.contacts)
     for e in np.flatnonzero(kept):
-        i, j = shapes.contacts[e].parts
-        names = f"'{assembly.parts[i].name}' and '{assembly.parts[j].name}'"
+        names = _between(assembly, shapes.contacts[e])
         notes.append(f"The contact between {names} stays planar: too small, or across its pair's direction.")
     for miss in report.near_misses:
         notes.append(f"'{miss.parts[0]}' and '{miss.parts[1]}' nearly touch: {miss.gap_m * 1e3:.3g} mm apart.")
     return tuple(notes)
+
+
+def _between(assembly: Assembly, contact: Contact) -> str:
+    return " and ".join(f"'{assembly.parts[p].name}'" for p in contact.parts)

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 from solids import box, dome, hexahedron, rotation, wall
 
-from mocca_robot.assembly import Assembly, Mesh, Part
-from mocca_robot.contacts.contact import Contact
+from mocca_robot.assembly import Assembly, Lateral, Mesh, Part
+from mocca_robot.contacts.contact import Contact, ContactReport
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.joints.bicubic import bicubic_joint, largest_rectangle
 from mocca_robot.joints.build import build_parts
-from mocca_robot.joints.build3d import build_parts_3d
+from mocca_robot.joints.build3d import build_parts_3d, contacts_to_cut
 from mocca_robot.joints.joint import Joint, planar
+from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
+from mocca_robot.verdicts.verification import verify
 
 
 def tilted(assembly: Assembly) -> Assembly:
@@ -153,3 +157,33 @@ def test_contacts_that_touch_in_a_corner_or_enclose_a_gap(cells):
     assert all(trimesh.Trimesh(*_arrays(p.shape), process=False).is_watertight for p in built.parts)
     assert sum(p.shape.volume for p in built.parts) == pytest.approx(1.8 + 0.5 * len(cells), rel=1e-12)
     assert not find_contacts(built).overlaps
+
+
+def with_one_that_overlaps() -> tuple[Assembly, ContactReport, Contact]:
+    """Return a wall, and its contacts with a further one that lies inside another."""
+    assembly = wall(2, 2)
+    report = find_contacts(assembly)
+    under = next(c for c in report.contacts if assembly.parts[c.parts[1]].name == "b00")
+    inside = replace(under, polygon=under.centre + 0.5 * (under.polygon - under.centre), k=1)
+    return assembly, replace(report, contacts=(*report.contacts, inside)), inside
+
+
+def test_a_contact_that_cannot_be_cut_is_found_and_leaves_no_trace() -> None:
+    assembly, report, inside = with_one_that_overlaps()
+    usable = contacts_to_cut(assembly, report.contacts)
+    assert [c for c, good in zip(report.contacts, usable) if not good] == [inside]
+    built = build_parts(assembly, [planar(c) for c in report.contacts])
+    assert [p.shape.volume for p in built.parts] == pytest.approx([p.shape.volume for p in assembly.parts])
+
+
+def test_a_design_goes_on_around_a_contact_that_cannot_be_cut() -> None:
+    from planners.cone_joints.designer import contacts_left_planar, design
+
+    assembly, report, _ = with_one_that_overlaps()
+    assembly = replace(assembly, goals=(Lateral(np.deg2rad(3.0), 2),), alpha_rad=None)
+    (said,) = contacts_left_planar(assembly, report)
+    assert "'slab' and 'b00' stays planar" in said
+    found = design(assembly, JointOptions(), contacts=report)
+    assert said in found.design.notes
+    assert sum(j.kind != "planar" for j in found.design.joints) > 0
+    assert verify(found.design.assembly).part_overlap < 1e-6
