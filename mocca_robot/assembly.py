@@ -197,6 +197,14 @@ Goal: TypeAlias = Equilibrium | SupportFree | Lateral | Interlocking
 
 
 @dataclass(frozen=True, eq=False)
+class Interface:
+    """Where a file says that two solid parts touch: their names, and flat polygons (k, 3), metres, that cover it."""
+
+    parts: tuple[str, str]
+    polygons: tuple[Array, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Assembly:
     """Parts in assembly order, with what is asked of them.
 
@@ -211,6 +219,8 @@ class Assembly:
         combinations: which of them act together; every one is a load case of the design.
         tolerance_m: faces this far apart, or this deep inside each other, are taken as touching; 0: only as far as
             rounding goes (`mocca_robot.tolerances`).
+        interfaces: where solid parts touch, as their file says; then contacts are these and no others. New shapes have
+            none.
     """
 
     name: str
@@ -221,6 +231,7 @@ class Assembly:
     actions: tuple[Action, ...] = ()
     combinations: tuple[Combination, ...] = ()
     tolerance_m: float = 0.0
+    interfaces: tuple[Interface, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.parts:
@@ -279,7 +290,7 @@ class Assembly:
     def with_shapes(self, shapes: Sequence[Shape]) -> Assembly:
         """Return the same assembly with new shapes, one per part."""
         parts = tuple(replace(p, shape=s) for p, s in zip(self.parts, shapes, strict=True))
-        return replace(self, parts=parts)
+        return replace(self, parts=parts, interfaces=())
 
 
 def on_the_ground(parts: Sequence[Part]) -> list[str]:

@@ -15,7 +15,7 @@ from mocca_robot.files.documents import parse_json, read_text
 from mocca_robot.tolerances import MM
 
 if TYPE_CHECKING:
-    from mocca_robot.assembly import Assembly
+    from mocca_robot.assembly import Assembly, Mesh
     from mocca_robot.config.config import Config
 
 FORMATS = {
@@ -26,6 +26,8 @@ FORMATS = {
     "3mf": "one mesh per part, in millimetres",
     "ply": "one mesh per part, in metres",
     "glb": "the whole assembly for viewers",
+    "3dm": "the whole assembly for Rhino, in metres",
+    "ifc": "the whole assembly for building programs (IFC 4), in metres",
     "mjcf": "a folder with a MuJoCo model that stands by itself",
     "urdf": "one per part, with its mesh",
     "json": "the parts as an assembly file",
@@ -38,7 +40,7 @@ FORMATS = {
     "urscript": "a plan.json as a program for a UR controller",
 }
 GRAPHS = {"dot": ".dot", "graph-svg": "_graph.svg"}
-SHEETS, MESHES = ("svg", "dxf"), ("obj", "stl", "ply", "3mf")
+SHEETS, MESHES, WHOLE = ("svg", "dxf"), ("obj", "stl", "ply", "3mf"), ("glb", "3dm", "ifc")
 LEAST_WALL_MM = {"svg": 1.0, "dxf": 1.0, "stl": 0.8, "3mf": 0.8}
 """Below, parts break or cannot be made: two lines of a 0.4 mm nozzle; charred wood beside a laser's cut."""
 
@@ -74,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--scale {args.scale:g} is no size; give a number above 0, such as 0.1.")
     if args.bed and args.format not in ("stl", "3mf"):
         raise InputError(f"Print beds are written as stl or 3mf, not as {args.format}.")
-    if args.clearance and args.format not in (*MESHES, "glb"):
+    if args.clearance and args.format not in (*MESHES, *WHOLE):
         raise InputError(f"--clearance is for meshes; for {args.format} set cut.clearance (--set cut.clearance=0.1).")
     if args.min_wall is not None and not 0.0 <= args.min_wall < 1e6:
         raise InputError(f"--min-wall is {args.min_wall:g}; give a thickness in mm, 0 to ask for no check.")
@@ -138,7 +140,7 @@ def _write_parts(args: argparse.Namespace) -> tuple[list[Path], list[str]]:
         return files, _thin(args, with_clearance(assembly, config.cut.clearance))
     if args.format in ("mjcf", "urdf"):
         return _write_models(args.format, assembly, _prepare(Path(args.output or f"{stem}_{args.format}"))), []
-    if args.format in (*MESHES, "glb"):
+    if args.format in (*MESHES, *WHOLE):
         return _write_meshes(args, assembly, stem)
     endings = {"compas": "_compas.json", "compas-model": "_compas.json", "csv": "_write_parts.csv", "json": ".json"}
     target = Path(args.output or stem + endings[args.format])
@@ -190,7 +192,7 @@ def _write_document(kind: str, assembly: Assembly, target: Path) -> Path:
 
 def _write_meshes(args: argparse.Namespace, assembly: Assembly, stem: str) -> tuple[list[Path], list[str]]:
     from mocca_robot.fabrication.clearance import with_clearance
-    from mocca_robot.files.mesh_write import write_glb, write_parts
+    from mocca_robot.files.mesh_write import write_parts
     from mocca_robot.files.output import safe_file_names
     from mocca_robot.geometry.extrusion import surface
 
@@ -201,15 +203,30 @@ def _write_meshes(args: argparse.Namespace, assembly: Assembly, stem: str) -> tu
     assembly = assembly.with_shapes(meshes)
     if args.bed:
         return _write_beds(args, flat, assembly, _prepare(Path(args.output or stem))), thin
-    if args.format == "glb":
-        target = Path(args.output or f"{stem}.glb")
+    if args.format in WHOLE:
+        target = Path(args.output or f"{stem}.{args.format}")
         _prepare(target.parent)
-        return [write_glb(assembly, target)], thin
+        return [_write_whole(args.format, assembly, meshes, target)], thin
     folder = _prepare(Path(args.output or stem))
     names = safe_file_names(assembly.sequence)
     # Slicers read STL in millimetres; 3MF says its unit itself.
     unit = "mm" if args.format == "stl" else "m"
     return write_parts([names[n] for n in assembly.sequence], meshes, folder, args.format, unit), thin
+
+
+def _write_whole(kind: str, assembly: Assembly, meshes: list[Mesh], target: Path) -> Path:
+    """Return `target` after writing all parts into that one file."""
+    if kind == "3dm":
+        from mocca_robot.files.rhino import write_3dm
+
+        return write_3dm(assembly.sequence, meshes, target)
+    if kind == "ifc":
+        from mocca_robot.files.ifc_write import write_ifc
+
+        return write_ifc(assembly, target)
+    from mocca_robot.files.mesh_write import write_glb
+
+    return write_glb(assembly, target)
 
 
 def _write_figures(args: argparse.Namespace, config: Config, folder: Path) -> list[Path]:

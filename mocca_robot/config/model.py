@@ -46,14 +46,11 @@ class Model:
 _SOLID = "export the parts as OBJ, one object each"
 OTHER_PROGRAMS = {
     "skp": f"in SketchUp, make every part a solid group and {_SOLID} (File, Export, 3D Model), or as GLB",
-    "3dm": f"in Rhino, {_SOLID} (File, Export Selected, OBJ; objects by name)",
     "gh": "in Grasshopper, bake the parts to Rhino and export them as OBJ, one object each",
     "ghx": "in Grasshopper, bake the parts to Rhino and export them as OBJ, one object each",
     "blend": f"in Blender, {_SOLID} (File, Export, Wavefront), or as GLB",
-    "step": f"in your CAD program (FreeCAD will do), {_SOLID}, or as 3MF",
-    "stp": f"in your CAD program (FreeCAD will do), {_SOLID}, or as 3MF",
-    "iges": f"in your CAD program (FreeCAD will do), {_SOLID}, or as 3MF",
-    "igs": f"in your CAD program (FreeCAD will do), {_SOLID}, or as 3MF",
+    "iges": f"in your CAD program (FreeCAD will do), {_SOLID}, or as STEP",
+    "igs": f"in your CAD program (FreeCAD will do), {_SOLID}, or as STEP",
     "ifc": f"in BlenderBIM or FreeCAD, {_SOLID}",
     "fcstd": "in FreeCAD, export the parts as 3MF or OBJ (File, Export)",
     "f3d": "in Fusion, export the bodies as 3MF (File, 3D Print, or Export)",
@@ -62,6 +59,8 @@ OTHER_PROGRAMS = {
     "dwg": "in AutoCAD, save the drawing as DXF (R2010), or convert it with the ODA File Converter",
     "dae": f"in Blender, import it and {_SOLID}, or as GLB",
     "fbx": f"in Blender, import it and {_SOLID}, or as GLB",
+    "rvt": "in Revit, export the parts as STEP or IFC and convert them in FreeCAD",
+    "3ds": f"in Blender, import it and {_SOLID}, or as GLB",
     "gltf": "export it as one binary file (.glb)",
     "pdf": "in Inkscape, open the page and save it as SVG",
     "ai": "in Illustrator, save a copy as SVG",
@@ -123,7 +122,10 @@ def turned_upright(model: Model) -> Model:
         return np.stack([vectors[..., 0], 0.0 - vectors[..., 2], vectors[..., 1]], axis=-1)
 
     shapes = [Mesh(turned(p.shape.vertices), p.shape.faces) for p in model.assembly.parts if isinstance(p.shape, Mesh)]
-    assembly = replace(model.assembly.with_shapes(shapes), gravity=turned(model.assembly.gravity))
+    interfaces = [replace(i, polygons=tuple(map(turned, i.polygons))) for i in model.assembly.interfaces]
+    assembly = replace(
+        model.assembly.with_shapes(shapes), gravity=turned(model.assembly.gravity), interfaces=tuple(interfaces)
+    )
     if "gravity" not in model.given:
         assembly = replace(assembly, gravity=model.assembly.gravity)
     insertion = {name: turned(way) for name, way in model.insertion.items()}
@@ -134,7 +136,9 @@ def scaled(assembly: Assembly, factor: float) -> Assembly:
     """Return `assembly` with every coordinate times `factor`; thicknesses stay."""
     if factor == 1.0:
         return assembly
-    return assembly.with_shapes([_scaled(p.shape, factor) for p in assembly.parts])
+    interfaces = [replace(i, polygons=tuple(p * factor for p in i.polygons)) for i in assembly.interfaces]
+    shapes = [_scaled(p.shape, factor) for p in assembly.parts]
+    return replace(assembly.with_shapes(shapes), interfaces=tuple(interfaces))
 
 
 def _scaled(shape: Shape, factor: float) -> Shape:

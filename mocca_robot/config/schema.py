@@ -16,7 +16,7 @@ from mocca_robot.strength.options import StrengthOptions
 
 JOINT_KINDS = ("n", "z", "frustum", *FURTHER)
 GENERATORS = ("shell", "frame", "stack", "wall", "arch", "dome")
-MODEL_FILES = ("svg", "dxf", "json", "obj", "stl", "ply", "3mf", "glb")
+MODEL_FILES = ("svg", "dxf", "json", "obj", "stl", "ply", "3mf", "glb", "3dm", "step", "stp")
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,8 @@ KEYS: tuple[Key, ...] = (
         "text",
         None,
         "",
-        "The parts: a file (.svg, .dxf, .json, .obj, .stl, .ply, .3mf, .glb) or a folder of meshes, relative to it.",
+        "The parts, relative to this file: a folder of meshes, or a file (.svg, .dxf, .json, .obj, .stl, .ply, .3mf, "
+        ".glb, .3dm, .step).",
     ),
     Key(
         "generator",
@@ -95,10 +96,10 @@ KEYS: tuple[Key, ...] = (
     Key(
         "tolerance",
         "length_or_share",
-        None,
+        0.0,
         "units",
         "Faces this far apart, or this deep inside each other, are taken as touching: a length, or a share of the "
-        "assembly's diagonal such as `0.02 %`; default: rounding only. `check --heal` mends what it accepts.",
+        "assembly's diagonal such as `0.02 %`; 0 = rounding only. `check --heal` mends what it accepts.",
     ),
     Key("fixed", "names", None, "", "Parts that stand on the ground; replaces what the model says."),
     Key(

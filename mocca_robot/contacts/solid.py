@@ -16,6 +16,7 @@ from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.assembly import Assembly, Mesh
 from mocca_robot.contacts.contact import Contact, ContactReport, NearMiss, accepted_pairs
 from mocca_robot.contacts.penetration import penetrations
+from mocca_robot.contacts.stored import stored_contacts
 from mocca_robot.geometry.facets import FacetSet, facets
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.tolerances import NEARLY_PARALLEL_RAD, TOLERANCES, Tolerances
@@ -40,6 +41,8 @@ def find_contacts_3d(assembly: Assembly, tolerances: Tolerances = TOLERANCES) ->
         again = bool(contacts) and contacts[-1].parts == (i, j)
         k = contacts[-1].k + 1 if again else 0
         contacts.append(Contact((i, j), read_only(outer), read_only(normal), k, tuple(read_only(h) for h in holes)))
+    if assembly.interfaces:
+        contacts = list(stored_contacts(assembly))
     pairs = {c.parts for c in contacts}
     rounding = tolerances.overlap_depth * size
     overlaps = penetrations(assembly, faces, touching.partner, contacts, rounding)

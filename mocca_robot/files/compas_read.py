@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.arrays import Array
-from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Part, on_the_ground
+from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Interface, Part, on_the_ground
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.mending import repaired
@@ -75,7 +75,60 @@ def assembly_from_compas(data: object, name: str, where: str, unit_m: float) -> 
         parts = [replace(p, fixed=p.name in ground) for p in parts]
         listed = ", ".join(ground[:6]) + (", …" if len(ground) > 6 else "")
         notes.append(f"{where}: a list of meshes has no supports; the lowest stand on the ground: fixed: [{listed}]")
-    return Assembly(name, tuple(parts)), tuple(notes)
+    interfaces = _interfaces(data, [p.name for p in parts], where, unit_m)
+    if interfaces:
+        notes.append(
+            f"{where}: the {sum(len(i.polygons) for i in interfaces)} interfaces that it stores are its contacts"
+        )
+    return Assembly(name, tuple(parts), interfaces=interfaces), tuple(notes)
+
+
+def _interfaces(data: object, names: list[str], where: str, unit_m: float) -> tuple[Interface, ...]:
+    """Return the interfaces that an Assembly stores on the edges of its graph; `names` are those of its nodes."""
+    if not isinstance(data, dict) or _kind(data, where) not in ASSEMBLIES:
+        return ()
+    graph = _inner(_key(_inner(data, where), "graph", where), f"{where}: graph")
+    number = dict(zip(_node_order(fields.mapping(graph["node"], f"{where}: node")), names))
+    found = []
+    for u, others in fields.mapping(graph.get("edge") or {}, f"{where}: edge").items():
+        for v, edge in fields.mapping(others or {}, f"{where}: edge {fields.shown(u)}").items():
+            place = f"{where}: edge {fields.shown(u)}–{fields.shown(v)}"
+            given = fields.mapping(edge or {}, place)
+            listed = given.get("interfaces") or ([given["interface"]] if given.get("interface") else [])
+            if not isinstance(listed, list):
+                raise InputError(f"{place}: interfaces must be a list, not {fields.shown(listed)}.")
+            if listed and (u not in number or v not in number):
+                raise InputError(f"{place} joins a node that is not there; save the assembly again.")
+            polygons = [
+                p * unit_m for k, one in enumerate(listed) for p in _interface(one, f"{place}: interfaces[{k}]")
+            ]
+            if polygons:
+                found.append(Interface((number[u], number[v]), tuple(polygons)))
+    return tuple(found)
+
+
+def _interface(data: object, where: str) -> list[Array]:
+    """Return the polygons of an interface: the faces of its mesh where it has one, else its outline."""
+    inner = _inner(fields.mapping(data, where), where)
+    if inner.get("mesh"):
+        block = _mesh_block(inner["mesh"], f"{where}: mesh")
+        return [block.vertices[face] for face in block.faces if len(set(face)) >= 3]
+    points = inner.get("points") or []
+    if not isinstance(points, list):
+        raise InputError(f"{where}: points must be a list, not {fields.shown(points)}.")
+    return [_points([_coordinates(p) for p in points], f"{where}: points")]
+
+
+def _coordinates(point: object) -> object:
+    """Return what a point is written as: a list, a Point that holds one, or a mapping of x, y, z."""
+    if isinstance(point, dict):
+        inside = point.get("data", point.get("value", point))
+        return [inside.get(a) for a in "xyz"] if isinstance(inside, dict) else inside
+    return point
+
+
+def _node_order(nodes: Mapping[str, Any]) -> list[str]:
+    return sorted(nodes, key=lambda k: (0, int(k), k) if k.isdecimal() and len(k) < 10 else (1, 0, k))
 
 
 def _blocks(data: object, where: str, depth: int = 0) -> Iterator[_Block]:
@@ -111,7 +164,7 @@ def _kind(data: Mapping[str, Any], where: str) -> str:
 def _assembly_blocks(data: Mapping[str, Any], where: str) -> Iterator[_Block]:
     graph = _inner(_key(data, "graph", where), f"{where}: graph")
     nodes = fields.mapping(_key(graph, "node", f"{where}: graph"), f"{where}: node")
-    for key in sorted(nodes, key=lambda k: (0, int(k), k) if k.isdecimal() and len(k) < 10 else (1, 0, k)):
+    for key in _node_order(nodes):
         place = f"{where}: node {fields.shown(key)}"
         node = fields.mapping(nodes[key], place)
         block = fields.mapping(_key(node, "block", place), f"{place}: block")

@@ -12,6 +12,7 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Part
 from mocca_robot.contacts.contact import Contact
+from mocca_robot.contacts.surface import triangulated
 from mocca_robot.files.output import write_json
 from mocca_robot.geometry.extrusion import standing, surface
 from mocca_robot.geometry.facets import facets
@@ -157,10 +158,25 @@ def _interface(contact: Contact, seed: str) -> dict[str, Any]:
             "size": contact.measure,
             "frame": _object("compas.geometry/Frame", frame, f"{seed}/frame"),
             "forces": None,
-            "mesh": None,
+            "mesh": _surface(contact, f"{seed}/mesh") if contact.holes else None,
         },
         seed,
     )
+
+
+def _surface(contact: Contact, seed: str) -> dict[str, Any]:
+    """Return a contact with holes, which an outline alone would close, as a Mesh."""
+    vertices, faces = triangulated(contact)
+    data = {
+        "attributes": {},
+        "vertex": {str(k): dict(zip("xyz", p)) for k, p in enumerate(vertices.tolist())},
+        "face": {str(k): face for k, face in enumerate(faces.tolist())},
+        "facedata": {},
+        "edgedata": {},
+        "max_vertex": len(vertices) - 1,
+        "max_face": len(faces) - 1,
+    }
+    return _object("compas.datastructures/Mesh", data, seed)
 
 
 def _object(dtype: str, data: Any, seed: str) -> dict[str, Any]:

@@ -1,18 +1,22 @@
-"""Closed triangle meshes in OBJ, STL, PLY, 3MF and GLB files → parts."""
+"""Closed meshes in OBJ, STL, PLY, 3MF, GLB, STEP and 3DM files → parts."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from mocca_robot.arrays import Array, IntArray
 from mocca_robot.errors import InputError, nearest
 from mocca_robot.files.bodies import MeshObject, NamedMesh, parts_of
 from mocca_robot.files.mending import repaired
 
 METRES_PER = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
-FORMATS = ("obj", "stl", "ply", "3mf", "glb")
+FORMATS = ("obj", "stl", "ply", "3mf", "glb", "3dm")
+"""Those that are written, too."""
+READ = (*FORMATS, "step", "stp")
 SMALLEST_PART_M, LARGEST_M = 5e-4, 500.0
 """Sizes outside are more often a wrong unit than a real structure."""
 LARGEST_FILE = 256 * 1024 * 1024
@@ -20,9 +24,6 @@ LARGEST_FILE = 256 * 1024 * 1024
 
 Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 """glTF has y up; here z is."""
-
-_DECLARED = {"meters": "m", "millimeter": "mm", "millimeters": "mm", "centimeter": "cm", "meter": "m", "micron": "um"}
-_DECLARED |= {"inch": "in", "inches": "in", "foot": "ft", "feet": "ft", "centimeters": "cm"}
 
 
 def read_parts(
@@ -32,15 +33,15 @@ def read_parts(
 
     Every closed body is a part, named by its object in the file, by its group in it, or by the file, and numbered where
     one name has several; those of a name in `rigid` stay one part. In a folder the file stems are the names, in natural
-    order (2 before 10). `units` is a key of `METRES_PER`; GLB and 3MF files declare their own, for all others it has to
-    be given. Raises InputError for open meshes, unknown units and sizes that look like a wrong unit (unless
-    `any_size`).
+    order (2 before 10). `units` is a key of `METRES_PER`; 3MF, GLB, STEP and 3DM files declare their own, for all
+    others it has to be given. Raises InputError for open meshes, unknown units and sizes that look like a wrong unit
+    (unless `any_size`).
     """
     path = Path(path)
     if path.is_dir():
-        files = [f for f in path.iterdir() if f.suffix.lower()[1:] in FORMATS]
+        files = [f for f in path.iterdir() if f.suffix.lower()[1:] in READ]
         if not files:
-            raise InputError(f"Folder '{path}' holds no mesh; expected files ending in {', '.join(FORMATS)}.")
+            raise InputError(f"Folder '{path}' holds no mesh; expected files ending in {', '.join(READ)}.")
         objects = [_merged(f, units) for f in sorted(files, key=lambda f: _natural(f.stem))]
     else:
         objects = _objects(path, units)
@@ -98,15 +99,17 @@ def _natural(stem: str) -> list[tuple[int, int, str]]:
     return [(0, int(s), "") if s.isdigit() else (1, 0, s) for s in re.split(r"(\d+)", stem) if s]
 
 
-def _factor(path: Path, units: str | None, declared: str | None) -> float:
-    found = units or _DECLARED.get(declared or "")
-    if found is None:
+def _factor(path: Path, units: str | None, declared: float | None = None) -> float:
+    """Return metres per unit of a file: as its reader is told, else as the file declares."""
+    if units is None and declared is not None:
+        return declared
+    if units is None:
         raise InputError(
             f"{path}: {path.suffix[1:].upper()} files carry no unit; give 'units' (one of {', '.join(METRES_PER)})."
         )
-    if found not in METRES_PER:
-        raise InputError(f"Unknown unit '{found}'; {nearest(found, METRES_PER)}")
-    return METRES_PER[found]
+    if units not in METRES_PER:
+        raise InputError(f"Unknown unit '{units}'; {nearest(units, METRES_PER)}")
+    return METRES_PER[units]
 
 
 def _objects(path: Path, units: str | None) -> list[MeshObject]:
@@ -114,13 +117,13 @@ def _objects(path: Path, units: str | None) -> list[MeshObject]:
     suffix = path.suffix.lower()[1:]
     if not path.is_file():
         raise InputError(f"Mesh file '{path}' does not exist.")
-    if suffix not in FORMATS:
-        raise InputError(f"'{path}' ends in '.{suffix}'; known mesh formats: {', '.join(FORMATS)}.")
+    if suffix not in READ:
+        raise InputError(f"'{path}' ends in '.{suffix}'; known mesh formats: {', '.join(READ)}.")
     _require_modest(path, suffix)
     if suffix == "obj":
         from mocca_robot.files.obj import read_obj
 
-        factor = _factor(path, units, None)
+        factor = _factor(path, units)
         objects = []
         for thing in (o for o in read_obj(path) if o.faces):
             triangles, owner = thing.triangles()
@@ -131,46 +134,42 @@ def _objects(path: Path, units: str | None) -> list[MeshObject]:
     if suffix == "stl":
         from mocca_robot.files.stl import read_stl
 
-        factor = _factor(path, units, None)
+        factor = _factor(path, units)
         solids, note = read_stl(path)
         notes = (note,) if note else ()
         return [MeshObject(name or path.stem, v * factor, f, (), notes) for name, v, f in solids]
+    if suffix == "ply":
+        from mocca_robot.files.ply import read_ply
+
+        vertices, faces, _ = read_ply(path)
+        return [MeshObject(path.stem, vertices * _factor(path, units), faces)]
+    if suffix == "3dm":
+        from mocca_robot.files.rhino import read_3dm
+
+        things, unit = read_3dm(path)
+        factor = _factor(path, units, unit)
+        return [replace(o, name=o.name or path.stem, vertices=o.vertices * factor) for o in things]
+    return [MeshObject(name or path.stem, v, f) for name, v, f in _declaring(path, suffix, units)]
+
+
+def _declaring(path: Path, suffix: str, units: str | None) -> list[tuple[str, Array, IntArray]]:
+    """Return names, vertices in metres, z up, and triangles of a file that declares its unit."""
     if suffix == "3mf":
         from mocca_robot.files.threemf import read_threemf
 
         pieces, unit = read_threemf(path)
-        factor = _factor(path, units or unit, None)
-        return [MeshObject(name, v * factor, f) for name, v, f in pieces]
-    return _scene(path, suffix, units)
+        factor = _factor(path, units, METRES_PER[unit])
+        return [(name, v * factor, f) for name, v, f in pieces]
+    if suffix == "glb":
+        from mocca_robot.files.glb import read_glb
 
+        factor = _factor(path, units, 1.0)
+        return [(name, (v @ Z_UP[:3, :3].T) * factor, f) for name, v, f in read_glb(path.read_bytes(), f"'{path}'")]
+    from mocca_robot.files.step import read_step
 
-def _scene(path: Path, suffix: str, units: str | None) -> list[MeshObject]:
-    """Return the objects of a PLY or GLB file, in metres."""
-    import trimesh
-
-    try:
-        scene = trimesh.load_scene(path, process=False)
-    except Exception as error:  # every loader of trimesh fails in its own way
-        raise InputError(f"{path} cannot be read as {suffix.upper()}: {error}. Export it again.") from error
-    declared = scene.units or next((g.units for g in scene.geometry.values() if g.units), None)
-    factor = _factor(path, units, declared if suffix == "glb" else None)
-    found = []
-    rank = {key: k for k, key in enumerate(scene.geometry)}
-    nodes = sorted(scene.graph.nodes_geometry, key=lambda n: (rank[scene.graph[n][1]], str(n)))
-    z_up = Z_UP if suffix == "glb" else np.eye(4)
-    for node in nodes:
-        transform, key = scene.graph[node]
-        transform = z_up @ transform
-        geometry = scene.geometry[key]
-        if not isinstance(geometry, trimesh.Trimesh):
-            continue
-        v = np.asarray(geometry.vertices, dtype=np.float64) @ transform[:3, :3].T + transform[:3, 3]
-        faces = np.asarray(geometry.faces, dtype=np.int64)
-        name = path.stem if suffix == "ply" else str(node)
-        found.append(MeshObject(name, v * factor, faces))
-    if not found:
-        raise InputError(f"{path} holds no triangles.")
-    return found
+    if units is not None:
+        raise InputError(f"'{path}' is a STEP file and says its unit itself; remove 'units: {units}'.")
+    return read_step(path)
 
 
 def _require_modest(path: Path, suffix: str) -> None:

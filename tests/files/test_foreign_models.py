@@ -156,10 +156,12 @@ def test_up_is_refused_where_it_makes_no_sense(tmp_path: Path) -> None:
         load(tmp_path / "a.yaml")
 
 
-@pytest.mark.parametrize("suffix", ["skp", "3dm", "gh", "blend", "step", "dwg", "fbx", "gltf", "pdf", "ai", "png"])
+@pytest.mark.parametrize(
+    "suffix", ["skp", "gh", "blend", "igs", "dwg", "fbx", "gltf", "pdf", "ai", "png", "rvt", "3ds"]
+)
 def test_formats_that_are_not_read_say_what_to_export(tmp_path: Path, suffix: str) -> None:
     (tmp_path / f"a.{suffix}").write_bytes(b"whatever")
-    with pytest.raises(InputError, match=r"is not read here: .*(OBJ|GLB|glb|SVG|DXF|3MF)"):
+    with pytest.raises(InputError, match=r"is not read here: .*(OBJ|GLB|glb|SVG|DXF|3MF|STEP)"):
         load(tmp_path / f"a.{suffix}")
 
 
