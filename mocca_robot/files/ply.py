@@ -80,7 +80,9 @@ def _read(content: bytes) -> tuple[Array, IntArray, IntArray]:
         raise ValueError("a coordinate is no number")
     least, most = min(min(p, default=0) for p in polygons), max(max(p, default=0) for p in polygons)
     if least < 0 or most >= len(vertices):
-        raise ValueError(f"a face refers to a vertex that does not exist ({len(vertices)} vertices)")
+        raise ValueError(
+            f"it has a face with vertex {most if least >= 0 else least}, but only {len(vertices)} vertices"
+        )
     triangles, polygon = triangulated(vertices, polygons)
     return vertices, triangles, polygon
 
