@@ -197,7 +197,7 @@ Goal: TypeAlias = Equilibrium | SupportFree | Lateral | Interlocking
 
 
 @dataclass(frozen=True, eq=False)
-class Interface:
+class StatedInterface:
     """Where a file says that two solid parts touch: their names, and flat polygons (k, 3), metres, that cover it."""
 
     parts: tuple[str, str]
@@ -231,7 +231,7 @@ class Assembly:
     actions: tuple[Action, ...] = ()
     combinations: tuple[Combination, ...] = ()
     tolerance_m: float = 0.0
-    interfaces: tuple[Interface, ...] = ()
+    interfaces: tuple[StatedInterface, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.parts:

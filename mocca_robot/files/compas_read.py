@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.arrays import Array
-from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Interface, Part, on_the_ground
+from mocca_robot.assembly import DEFAULT_DENSITY, Assembly, Part, StatedInterface, on_the_ground
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.mending import repaired
@@ -83,7 +83,7 @@ def assembly_from_compas(data: object, name: str, where: str, unit_m: float) -> 
     return Assembly(name, tuple(parts), interfaces=interfaces), tuple(notes)
 
 
-def _interfaces(data: object, names: list[str], where: str, unit_m: float) -> tuple[Interface, ...]:
+def _interfaces(data: object, names: list[str], where: str, unit_m: float) -> tuple[StatedInterface, ...]:
     """Return the interfaces that an Assembly stores on the edges of its graph; `names` are those of its nodes."""
     if not isinstance(data, dict) or _kind(data, where) not in ASSEMBLIES:
         return ()
@@ -103,7 +103,7 @@ def _interfaces(data: object, names: list[str], where: str, unit_m: float) -> tu
                 p * unit_m for k, one in enumerate(listed) for p in _interface(one, f"{place}: interfaces[{k}]")
             ]
             if polygons:
-                found.append(Interface((number[u], number[v]), tuple(polygons)))
+                found.append(StatedInterface((number[u], number[v]), tuple(polygons)))
     return tuple(found)
 
 

@@ -19,7 +19,6 @@ from scipy.spatial import KDTree
 
 from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.assembly import Assembly, Mesh
-from mocca_robot.contacts.contact import Contact
 from mocca_robot.errors import InputError
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.geometry.surfaces import separated
@@ -30,7 +29,7 @@ from mocca_robot.geometry.triangulation import (
     split_facets,
     triangulate_loops,
 )
-from mocca_robot.joints.joint import Joint, planar
+from mocca_robot.joints.joint import Joint
 from mocca_robot.tolerances import TINY, TOLERANCES, Tolerances
 
 
@@ -74,13 +73,12 @@ class NotBuilt(InputError):
 
 
 @lru_cache(maxsize=4)
-def contacts_to_cut(assembly: Assembly, contacts: tuple[Contact, ...]) -> BoolArray:
-    """Return (E,) which of `contacts` joints can be cut into the parts of an assembly of solids: all, nearly always.
+def joints_to_cut(assembly: Assembly, joints: tuple[Joint, ...]) -> BoolArray:
+    """Return (E,) which of `joints` can be cut into the parts of an assembly of solids: all, nearly always.
 
     Where a part would not close with all of its own, as contacts that overlap each other leave it, the larger ones are
     taken first. What a joint is cut into is the outline of its contact, so its shape makes no difference.
     """
-    joints = [planar(c) for c in contacts]
     usable = np.ones(len(joints), dtype=np.bool_)
     gap = 2.0 * TOLERANCES.contact_gap * assembly.size
 
@@ -95,9 +93,9 @@ def contacts_to_cut(assembly: Assembly, contacts: tuple[Contact, ...]) -> BoolAr
         return None
 
     while usable.any() and (part := failing(range(len(assembly.parts)))) is not None:
-        mine = [e for e in np.flatnonzero(usable).tolist() if part in contacts[e].parts]
+        mine = [e for e in np.flatnonzero(usable).tolist() if part in joints[e].contact.parts]
         usable[mine] = False
-        for e in sorted(mine, key=lambda e: -contacts[e].measure):
+        for e in sorted(mine, key=lambda e: -joints[e].contact.measure):
             usable[e] = True
             usable[e] = failing([part]) is None
     return read_only(usable, np.bool_)

@@ -14,7 +14,7 @@ from mocca_robot.contacts.contact import Contact, ContactReport
 from mocca_robot.contacts.find import find_contacts, require_exact, require_sound
 from mocca_robot.design import CaseResult, Design
 from mocca_robot.errors import InputError
-from mocca_robot.joints.build3d import contacts_to_cut
+from mocca_robot.joints.build3d import joints_to_cut
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.motion.ways_out import ways_out
@@ -159,7 +159,7 @@ def _designed(
     held = held and loose_with_key(PartsGraph.of(result.assembly)) is None
     open_ways = not (closed_ways(result) if outcome is None else outcome.closed)
     seconds = {"kinematic": kinematic, "realization": realization, "total": time.perf_counter() - started}
-    notes = _notes(assembly, shapes, report)
+    notes = _notes(graph, shapes, report)
     finished = Design(
         source=assembly,
         assembly=result.assembly,
@@ -197,7 +197,7 @@ def joint_shapes(graph: PartsGraph, options: JointOptions, axis: Array) -> Shape
         return Shapes2D.of(graph.assembly, graph.contacts, options)
     shapes = Shapes3D.of(graph.assembly, graph.contacts, options, axis)
     _require_cells(shapes)
-    cut = contacts_to_cut(graph.assembly, graph.contacts)
+    cut = joints_to_cut(graph.assembly, graph.joints)
     return shapes if cut.all() else replace(shapes, can_curve=read_only(shapes.can_curve & cut, np.bool_))
 
 
@@ -220,11 +220,16 @@ def contacts_left_planar(assembly: Assembly, report: ContactReport) -> tuple[str
     """Return what is known before any search: the contacts into which no joint can be cut, each with its reason."""
     if assembly.dimension == 2:
         return ()
-    found = joint_contacts(assembly, report)
+    return _left_planar(PartsGraph.of(assembly, joint_contacts(assembly, report)))
+
+
+def _left_planar(graph: PartsGraph) -> tuple[str, ...]:
+    if graph.assembly.dimension == 2:
+        return ()
     return tuple(
-        f"The contact between {_between(assembly, contact)} stays planar: with it, and its other contacts, one of the "
-        "two would not close."
-        for contact, cut in zip(found, contacts_to_cut(assembly, found))
+        f"The contact between {_between(graph.assembly, contact)} stays planar: with it, and its other contacts, one "
+        "of the two would not close."
+        for contact, cut in zip(graph.contacts, joints_to_cut(graph.assembly, graph.joints))
         if not cut
     )
 
@@ -285,11 +290,12 @@ def _narrow_parts(graph: PartsGraph, axis: Array) -> tuple[NarrowPart, ...]:
     return tuple(narrow)
 
 
-def _notes(assembly: Assembly, shapes: Shapes, report: ContactReport) -> tuple[str, ...]:
-    notes = list(contacts_left_planar(assembly, report))
+def _notes(graph: PartsGraph, shapes: Shapes, report: ContactReport) -> tuple[str, ...]:
+    assembly = graph.assembly
+    notes = list(_left_planar(graph))
     kept: BoolArray = ~shapes.can_curve
     if assembly.dimension == 3:
-        kept &= contacts_to_cut(assembly, shapes.contacts)
+        kept &= joints_to_cut(assembly, graph.joints)
     for e in np.flatnonzero(kept):
         names = _between(assembly, shapes.contacts[e])
         notes.append(f"The contact between {names} stays planar: too small, or across its pair's direction.")

@@ -14,7 +14,7 @@ import pytest
 from solids import box, dome, rotation, wall
 
 from mocca_robot.arrays import Array
-from mocca_robot.assembly import Assembly, Interface, Mesh, Part
+from mocca_robot.assembly import Assembly, Mesh, Part, StatedInterface
 from mocca_robot.config.config import load
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
@@ -286,7 +286,7 @@ def stacked(curved: bool) -> Assembly:
     flat = np.array([[0.2, 0.2, 0.0], [0.8, 0.2, 0.0], [0.8, 0.8, 0.0], [0.2, 0.8, 0.0]])
     if curved:
         flat = flat + np.array([[0, 0, 0.0], [0, 0, 0.01], [0, 0, 0.0], [0, 0, 0.01]])
-    return Assembly("stacked", (slab, Part("block", CUBE)), interfaces=(Interface(("block", "slab"), (flat,)),))
+    return Assembly("stacked", (slab, Part("block", CUBE)), interfaces=(StatedInterface(("block", "slab"), (flat,)),))
 
 
 @pytest.mark.parametrize("curved", [False, True])
@@ -329,7 +329,7 @@ def test_compas_interfaces_come_back_whatever_their_order_and_unit(seed: int, tm
 
 def test_an_interface_in_the_wrong_place_is_refused() -> None:
     sound = stacked(False)
-    far = replace(sound, interfaces=(Interface(("slab", "block"), (sound.interfaces[0].polygons[0] + 5.0,)),))
+    far = replace(sound, interfaces=(StatedInterface(("slab", "block"), (sound.interfaces[0].polygons[0] + 5.0,)),))
     with pytest.raises(
         InputError, match=r"stored interface of 'slab' and 'block' lies .* compute the interfaces again"
     ):

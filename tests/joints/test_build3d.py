@@ -15,7 +15,7 @@ from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
 from mocca_robot.joints.bicubic import bicubic_joint, largest_rectangle
 from mocca_robot.joints.build import build_parts
-from mocca_robot.joints.build3d import build_parts_3d, contacts_to_cut
+from mocca_robot.joints.build3d import build_parts_3d, joints_to_cut
 from mocca_robot.joints.joint import Joint, planar
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
@@ -170,7 +170,7 @@ def with_one_that_overlaps() -> tuple[Assembly, ContactReport, Contact]:
 
 def test_a_contact_that_cannot_be_cut_is_found_and_leaves_no_trace() -> None:
     assembly, report, inside = with_one_that_overlaps()
-    usable = contacts_to_cut(assembly, report.contacts)
+    usable = joints_to_cut(assembly, tuple(planar(c) for c in report.contacts))
     assert [c for c, good in zip(report.contacts, usable) if not good] == [inside]
     built = build_parts(assembly, [planar(c) for c in report.contacts])
     assert [p.shape.volume for p in built.parts] == pytest.approx([p.shape.volume for p in assembly.parts])
