@@ -7,6 +7,7 @@ import math
 import os
 import shlex
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -166,16 +167,22 @@ def _allowed(assembly: Assembly) -> dict[str, float]:
 
 
 def _searched(assembly: Assembly) -> list[str] | None:
-    """Return free parts in an order in which all of them go in, the present one if it does, or None."""
+    """Return free parts in an order in which all of them go in, the present one if it does, or None.
+
+    Within the α of the assembly or, where no order has that, within the least α.
+    """
     from mocca_robot.motion.insertion import insertion_verdicts
     from mocca_robot.motion.parts_graph import PartsGraph
     from planners.order.sequence import find_sequence
 
-    graph = PartsGraph.of(assembly)
-    if all(i.assemblable for i in insertion_verdicts(graph)):
-        return [p.name for p in assembly.parts if not p.fixed]
-    found = find_sequence(graph, states=300)
-    return [p.part for p in found.placements] or None
+    for alpha in (assembly.alpha_rad, math.radians(LEAST_ALPHA_DEG)):
+        graph = PartsGraph.of(replace(assembly, alpha_rad=alpha))
+        if all(i.assemblable for i in insertion_verdicts(graph)):
+            return [p.name for p in assembly.parts if not p.fixed]
+        found = find_sequence(graph, states=300)
+        if found.placements:
+            return [p.part for p in found.placements]
+    return None
 
 
 def _sound(data: dict[str, Any], folder: Path) -> tuple[Config, list[str]]:
