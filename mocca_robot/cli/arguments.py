@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from mocca_robot.cli.console import Console
 from mocca_robot.errors import InputError
 
 
@@ -40,6 +41,15 @@ def load(args: argparse.Namespace, further: dict[str, Any] | None = None) -> Any
     from mocca_robot.config.config import load as load_config
 
     return load_config(args.input, {**overrides(args.set), **(further or {})})
+
+
+def read(args: argparse.Namespace, console: Console, further: dict[str, Any] | None = None) -> Any:
+    """Return the same as a stage of a command, after its notes were told: repairs, and what is more often a slip."""
+    with console.stage("read"):
+        config = load(args, further)
+    for note in config.notes:
+        console.warn(f"note: {note}")
+    return config
 
 
 def overrides(assignments: list[str]) -> dict[str, Any]:

@@ -53,15 +53,12 @@ def run(args: argparse.Namespace) -> int:
     console = Console(args.json)
     if args.picture is not None:
         writable_folder(Path(args.picture).parent)
-    with console.stage("read"):
-        config = arguments.load(args, further)
+    config = arguments.read(args, console, further)
     azimuths = config.simulate.azimuths if args.azimuths is None else args.azimuths
     if azimuths < 1:
         raise InputError(f"--azimuths is {azimuths}; give at least 1.")
     if args.key is not None:
         config.assembly.index(args.key)
-    for note in config.notes:
-        console.warn(f"note: {note}")
     picture = None
     with console.stage("contacts"):
         report = find_contacts(config.assembly)

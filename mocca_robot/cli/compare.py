@@ -68,8 +68,7 @@ def run(args: argparse.Namespace) -> int:
     from mocca_robot.report.comparison import write_comparison
 
     console = Console(args.json)
-    with console.stage("read"):
-        config = arguments.load(args)
+    config = arguments.read(args, console)
     folder = arguments.output_folder(args, config.assembly.name)
     contacts = stages.read_contacts(config.assembly, console)
     with console.stage("design") as show:

@@ -32,10 +32,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Return 0 after printing the values."""
     console = Console(args.json)
-    with console.stage("read"):
-        config = arguments.load(args)
-    for note in config.notes:
-        console.warn(f"note: {note}")
+    config = arguments.read(args, console)
     values = [(v.key, _value(v, config), _source(v, config)) for v in config.values]
     for line in _lines(values):
         console.say(line)

@@ -29,7 +29,6 @@ class Console:
     def __init__(self, as_json: bool = False) -> None:
         self.as_json = as_json
         self.seconds: dict[str, float] = {}
-        self._status: Any = None
 
     def say(self, text: str = "") -> None:
         """Print a line for people."""

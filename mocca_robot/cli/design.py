@@ -33,11 +33,8 @@ def run(args: argparse.Namespace) -> int:
     from mocca_robot.cli.closing_lines import conclude, introduce
 
     console = Console(args.json)
-    with console.stage("read"):
-        config = arguments.load(args)
+    config = arguments.read(args, console)
     folder = arguments.output_folder(args, config.assembly.name)
-    for note in config.notes:
-        console.warn(f"note: {note}")
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
     if args.largest_angle:

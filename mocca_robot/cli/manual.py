@@ -36,7 +36,7 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 after writing the manual and the bill."""
-    from mocca_robot.contacts.find import find_contacts, require_sound
+    from mocca_robot.cli.stages import read_contacts
     from mocca_robot.fabrication.bill import bill_csv
     from mocca_robot.files.output import safe_file_names, target_file, write_atomic
     from mocca_robot.motion.parts_graph import PartsGraph
@@ -45,17 +45,14 @@ def run(args: argparse.Namespace) -> int:
     from mocca_robot.statics.loads import state_cases
 
     console = Console(args.json)
-    with console.stage("read"):
-        config = arguments.load(args)
-        stored = stored_design(Path(args.input))
+    config = arguments.read(args, console)
+    stored = stored_design(Path(args.input))
     assembly = config.assembly
     beside = stored.parent if stored else Path("out") / safe_file_names([assembly.name])[assembly.name]
     target = target_file(args.output, beside / "manual.html")
     if target.suffix.lower() not in (".html", ".pdf"):
         raise InputError(f"'{target}' ends in '{target.suffix}'; a manual is a .html or a .pdf.")
-    with console.stage("contacts"):
-        report = find_contacts(assembly)
-        require_sound(assembly, report)
+    report = read_contacts(assembly, console)
     with console.stage("statics"):
         graph = PartsGraph.of(assembly, report.contacts, config.insertion)
         states = [solve_case(graph, case, config.friction) for case in state_cases(graph)]

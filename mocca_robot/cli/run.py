@@ -28,12 +28,9 @@ def run(args: argparse.Namespace) -> int:
     from mocca_robot.cli.strength import ask_strength
 
     console = Console(args.json)
-    with console.stage("read"):
-        config = arguments.load(args)
-        questions = simulate.questions(args, config)
+    config = arguments.read(args, console)
+    questions = simulate.questions(args, config)
     folder = arguments.output_folder(args, config.assembly.name)
-    for note in config.notes:
-        console.warn(f"note: {note}")
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
     found = designing.design_in_order(config, contacts, folder, console)

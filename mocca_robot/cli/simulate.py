@@ -94,15 +94,12 @@ def run(args: argparse.Namespace) -> int:
     from mocca_robot.cli.closing_lines import conclude, introduce
 
     console = Console(args.json)
-    with console.stage("read"):
-        config = arguments.load(args)
-        asked = questions(args, config)
-        stored = stored_design(Path(args.input))
+    config = arguments.read(args, console)
+    asked = questions(args, config)
+    stored = stored_design(Path(args.input))
     if args.output is None and stored is not None:
         args.output = str(stored.parent)
     folder = arguments.output_folder(args, config.assembly.name)
-    for note in config.notes:
-        console.warn(f"note: {note}")
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
     if stored is not None and not args.set:

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     """Return 0 after writing the page, or when Ctrl-C ends the viewer."""
     if (plan_file := Path(args.input)).suffix == ".json" and is_plan(plan_file):
         return _play_plan(plan_file, args)
-    from mocca_robot.contacts.find import find_contacts, require_sound
+    from mocca_robot.cli.stages import read_contacts
     from mocca_robot.files.output import writable_folder
     from mocca_robot.motion.parts_graph import PartsGraph
     from sim.show.view import export_page, open_viewer, shown
@@ -42,10 +42,8 @@ def run(args: argparse.Namespace) -> int:
     console = Console(args.json)
     if args.export:
         writable_folder(Path(args.export).parent)
-    with console.stage("read"):
-        config = arguments.load(args)
-        report = find_contacts(config.assembly)
-        require_sound(config.assembly, report)
+    config = arguments.read(args, console)
+    report = read_contacts(config.assembly, console)
     if args.mujoco:
         from sim.show.native_view import open_native_viewer
 

@@ -1,6 +1,11 @@
 """Commands in processes of their own, to be interrupted."""
 
+import os
 import signal
+
+import pytest
+
+posix_only = pytest.mark.skipif(os.name != "posix", reason="processes are interrupted and looked at by POSIX signals")
 
 
 def hears_ctrl_c() -> None:

@@ -140,12 +140,6 @@ class ContactSystem:
         both = np.concatenate([force, torque], axis=-1)[..., self.free, :]
         return np.asarray(both.reshape(*both.shape[:-2], -1))
 
-    def scaled_motion(self, motion: Array) -> Array:
-        """Return motions (…, N, dof) [velocity at `about`; angular velocity] as unknowns (…, dof · free)."""
-        d = self.about.shape[1]
-        both = np.concatenate([motion[..., :d], motion[..., d:] * self.length], axis=-1)[..., self.free, :]
-        return np.asarray(both.reshape(*both.shape[:-2], -1))
-
     def unscaled_motion(self, v: Array) -> Array:
         """Return scaled motions (…, dof · free) as (…, N, dof) [velocity at `about`; angular velocity]."""
         d = self.about.shape[1]
