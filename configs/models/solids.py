@@ -41,7 +41,7 @@ def write_obj(path: Path, parts: dict[str, Solid]) -> None:
         lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in (np.round(vertices, DIGITS) + 0.0).tolist()]
         lines += [f"f {a} {b} {c}" for a, b, c in (triangles + first).tolist()]
         first += len(vertices)
-    path.write_text("\n".join(lines) + "\n")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 # --- sphere ----------------------------------------------------------------------------------------------------
@@ -173,7 +173,7 @@ def write_surface(path: Path, surface: Surface, names: list[str], directions: Ar
     lines += [f"vn {x!r} {y!r} {z!r}" for x, y, z in (np.round(directions, DIGITS) + 0.0).tolist()]
     for name, face in zip(names, surface.faces):
         lines += [f"o {name}", "f " + " ".join(f"{v + 1}//{v + 1}" for v in face)]
-    path.write_text("\n".join(lines) + "\n")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 # --- horse -----------------------------------------------------------------------------------------------------

@@ -59,8 +59,9 @@ class Console:
         """Return `status` after printing the JSON object that was asked for, if it was."""
         if self.as_json:
             seconds = {name: round(value, 4) for name, value in self.seconds.items()}
+            utf8 = (sys.stdout.encoding or "").lower().replace("-", "") == "utf8"  # elsewhere letters would be lost
             whole = {"ok": status == 0, "exit_status": int(status), **document, "seconds": seconds}
-            _write(sys.stdout, json.dumps(plain(whole), ensure_ascii=False, allow_nan=False))
+            _write(sys.stdout, json.dumps(plain(whole), ensure_ascii=not utf8, allow_nan=False))
         return status
 
 

@@ -181,7 +181,7 @@ def main(role: str, host: str, descriptor: int) -> None:
     # Ctrl-C reaches the whole process group; the parent decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     pipe = socket.socket(fileno=descriptor)
-    ended = open(os.devnull, "w")  # noqa: SIM115 - lives as long as the process
+    ended = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115 - lives as long as the process
     # A C thread ends this process when the library blocks, even while it holds the interpreter.
     faulthandler.dump_traceback_later(15.0, exit=True, file=ended)
     try:

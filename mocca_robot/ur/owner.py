@@ -24,8 +24,10 @@ class RobotLock:
         self._descriptor = -1
 
     def __enter__(self) -> RobotLock:
-        import fcntl
-
+        try:
+            import fcntl
+        except ImportError:
+            raise EnvironmentNeeded("Driving a robot needs Linux or macOS; this system has no lock for it.") from None
         try:
             descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666)
         except OSError as error:

@@ -46,7 +46,7 @@ def written(path: Path, parts: dict[str, Ring]) -> Path:
         "alpha_deg": None,
         "parts": [{"name": n, "polygon": p, "fixed": n in FIXED} for n, p in parts.items()],
     }
-    path.write_text(json.dumps(data))
+    path.write_text(json.dumps(data), encoding="utf-8")
     return path
 
 

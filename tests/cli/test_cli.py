@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import hears_ctrl_c
+from processes import hears_ctrl_c, posix_only
 
 from mocca_robot.cli import main
 
@@ -289,6 +289,7 @@ def test_sections_are_overridden_key_by_key(tmp_path: Path, capsys: pytest.Captu
     assert (found.joints.kinds, found.joints.margin, found.joints.max_height) == (("n",), 0.1, 0.3)
 
 
+@posix_only
 def test_ctrl_c_keeps_the_design(tmp_path: Path) -> None:
     folder = tmp_path / "out"
     config = ROOT / "configs" / "leaning_tower_20.yaml"

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from processes import hears_ctrl_c
+from processes import hears_ctrl_c, posix_only
 
 from mocca_robot.cli import main
 from mocca_robot.config.config import load
@@ -151,6 +151,7 @@ def test_ctrl_c_keeps_finished_points_and_the_rest_follows(tmp_path: Path) -> No
     assert whole.kept == 2 and not whole.unfinished
 
 
+@posix_only
 def test_an_interrupted_command_goes_on_from_there(tmp_path: Path) -> None:
     text = f"base: {BASE}\nvary: {{alpha_deg: {{from: 0, to: 4, count: 60}}}}\n"
     command = [sys.executable, "-m", "mocca_robot.cli", "study", str(written(tmp_path, text)), "--jobs", "1", "--json"]
@@ -225,6 +226,7 @@ def cluster() -> Iterator[Any]:
         yield found
 
 
+@posix_only
 def test_a_cluster_gives_the_same_rows_though_a_worker_is_killed(tmp_path: Path, cluster: Any) -> None:
     study = small(tmp_path, "{alpha_deg: {from: 0, to: 4, count: 8}}", "stages: [design, tilt]")
     here = without_time(run_study(study, Inline()))
@@ -311,7 +313,7 @@ def test_physics_is_the_same_on_an_executor_and_a_store_resumes_it() -> None:
 def _runs(process: int) -> bool:
     try:
         os.kill(process, 0)
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+        return Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] != "Z"
     except ProcessLookupError:
         return False
     except FileNotFoundError:  # no /proc here, or gone this moment

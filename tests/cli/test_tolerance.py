@@ -37,11 +37,12 @@ def pile(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "dimension": 2,
         "parts": [{"name": n, "polygon": p, "fixed": n == "slab"} for n, p in parts.items()],
     }
-    Path("pile.json").write_text(json.dumps(data))
+    Path("pile.json").write_text(json.dumps(data), encoding="utf-8")
     path = Path("pile.yaml")
     path.write_text(
         "model: pile.json\ngoal: {kind: lateral, angle_deg: 5}\nalpha_deg: 3\njoints: {min_radius: 0.5, margin: 0.12}\n"
-        "insertion: {lintel: [0, -1]}\ncut: {kerf: 0.2}\n"
+        "insertion: {lintel: [0, -1]}\ncut: {kerf: 0.2}\n",
+        encoding="utf-8",
     )
     return path
 
@@ -74,7 +75,7 @@ def test_design_needs_the_mended_copy_and_works_on_it(pile: Path, capsys: pytest
     code, said = ran(capsys, "design", str(pile), "--set", "tolerance=0.05 mm", "-o", "no")
     assert code == 2 and "share their faces exactly" in said["error"] and "--heal" in said["error"]
     assert ran(capsys, "check", str(pile), "--heal", "mended")[0] == 0
-    written = parse_yaml(Path("mended/pile.yaml").read_text(), "it")
+    written = parse_yaml(Path("mended/pile.yaml").read_text(encoding="utf-8"), "it")
     assert written["joints"] == {"min_radius": "0.5 mm", "margin": 0.12} and written["cut"] == {"kerf": 0.2}
     assert written["insertion"] == {"lintel": [0, -1]} and "tolerance" not in written
     code, said = ran(capsys, "design", "mended/pile.yaml", "-o", "made")

@@ -73,7 +73,7 @@ def test_nothing_is_overwritten(here: Path, capsys: pytest.CaptureFixture[str]) 
     assert main(["new", "bridge"]) == 2
     assert main(["new", "other"]) == 2
     assert "there already" in capsys.readouterr().err
-    assert Path("bridge.yaml").read_text() == Path("other.svg").read_text() == "mine"
+    assert Path("bridge.yaml").read_text(encoding="utf-8") == Path("other.svg").read_text(encoding="utf-8") == "mine"
     assert sorted(f.name for f in here.iterdir()) == ["bridge.yaml", "other.svg"]
 
 

@@ -463,4 +463,4 @@ def outcome(case: Case, seconds: int) -> str:
 
 def _now() -> int:
     """Return the address space that this process has mapped, bytes."""
-    return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    return int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]) * os.sysconf("SC_PAGE_SIZE")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from processes import hears_ctrl_c
+from processes import hears_ctrl_c, posix_only
 
 from mocca_robot.assembly import Assembly
 from mocca_robot.cli import main
@@ -150,6 +150,7 @@ def test_ctrl_c_on_the_command_line_keeps_and_says_so(
 
 
 @pytest.mark.long
+@posix_only
 def test_a_real_interrupt_of_a_large_design_and_its_resume(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "mocca_robot.cli", "design", str(CONFIGS / "igloo.yaml"), "-o", str(tmp_path)]
     progress = tmp_path / "design-progress.json"

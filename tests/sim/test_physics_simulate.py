@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from physics_models import WIDTH, box_stack_3d, jointed, stack
+from processes import posix_only
 
 from mocca_robot.errors import InputError
 from mocca_robot.runtime.content_hash import content_hash
@@ -128,6 +129,7 @@ def wait_for_ever(file: Path) -> dict[str, object]:
     return {}
 
 
+@posix_only
 def test_after_an_interruption_no_process_goes_on(tmp_path, monkeypatch):
     monkeypatch.setattr("sim.trial_store.GRACE_S", 0.05)
     begun = tmp_path / "begun"

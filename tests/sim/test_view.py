@@ -86,7 +86,7 @@ def test_a_plan_is_played_from_its_waypoints_alone(tmp_path: Path, capsys: pytes
     assert dict(brought.parts)[moving].position == pytest.approx(home.position, abs=1e-3)
     write_plan(plan, tmp_path / "plan.json")
     assert main(["view", str(tmp_path / "plan.json"), "--json"]) == 0
-    page = Path(json.loads(capsys.readouterr().out)["file"]).read_text()
+    page = Path(json.loads(capsys.readouterr().out)["file"]).read_text(encoding="utf-8")
     assert page.count('class="step"') == 1 and "as they are written" in page
     source.unlink()
     assert main(["view", str(tmp_path / "plan.json")]) == 2
