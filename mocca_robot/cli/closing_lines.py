@@ -35,6 +35,14 @@ def introduce(assembly: Assembly, contacts: int, console: Console) -> None:
     console.say(f"asked for: {asked}{alpha}")
 
 
+def first_words(outcome: DesignOutcome, console: Console) -> str:
+    """Return what is known before physics is asked, which takes longest, and where to look at it meanwhile."""
+    findings = len(outcome.findings)
+    verdict = f"{findings} negative verdict{'s' * (findings != 1)}" if findings else "every verdict positive"
+    seconds = sum(console.seconds.values())
+    return f"after {seconds:.1f} s: {verdict} by statics, see {outcome.files['report']}; physics follows"
+
+
 def conclude(
     outcome: DesignOutcome, console: Console, *, interrupted: bool = False, further: Mapping[str, Any] | None = None
 ) -> int:

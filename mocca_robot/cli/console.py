@@ -65,6 +65,23 @@ class Console:
         return status
 
 
+class Pace:
+    """How fast pieces of work get done, and from that how long the rest takes."""
+
+    def __init__(self) -> None:
+        self._total, self._first, self._started = 0, 0, time.monotonic()
+
+    def left(self, done: int, total: int) -> str:
+        """Return ', about 12 s left' once a tenth of the pieces since the first call says so, else ''."""
+        if total != self._total or done < self._first:
+            self._total, self._first, self._started = total, done, time.monotonic()
+        ours = done - self._first
+        if ours < max(2, 0.1 * (total - self._first)) or done >= total:
+            return ""
+        seconds = (time.monotonic() - self._started) / ours * (total - done)
+        return f", about {seconds:.0f} s left" if seconds < 90 else f", about {seconds / 60:.0f} min left"
+
+
 def plain(value: Any) -> Any:
     """Return `value` as JSON knows it: numbers without NaN and infinity (null instead), lists, texts."""
     if isinstance(value, Mapping):

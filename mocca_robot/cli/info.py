@@ -7,7 +7,6 @@ import os
 import platform
 import subprocess
 import sys
-from importlib import metadata
 from typing import Any
 
 from mocca_robot.cli import arguments
@@ -40,6 +39,8 @@ def own_version() -> str:
 
 def version(package: str) -> str | None:
     """Return the version of an installed package, None when it is not installed."""
+    from importlib import metadata  # it takes longer to import than `--help` may
+
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

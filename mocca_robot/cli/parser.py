@@ -98,6 +98,15 @@ def _internal(as_json: bool, error: Exception) -> int:
     return _failed(as_json, ExitCode.INTERNAL, message)
 
 
+class _Version(argparse.Action):
+    """Tells the version, and looks for it only then."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_given: object) -> None:
+        """Print the version and leave."""
+        sys.stdout.write(f"mocca-robot {info.own_version()}\n")
+        parser.exit()
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser with every command that is installed."""
     parser = Parser(
@@ -106,7 +115,7 @@ def build_parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"mocca-robot {info.own_version()}")
+    parser.add_argument("--version", action=_Version, nargs=0, help="show program's version number and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for command in (
         new,

@@ -24,7 +24,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Return the exit status of the command. Ctrl-C keeps what the design has found and what physics has said."""
     from mocca_robot.cli import designing, stages
-    from mocca_robot.cli.closing_lines import conclude, introduce
+    from mocca_robot.cli.closing_lines import conclude, first_words, introduce
     from mocca_robot.cli.strength import ask_strength
 
     console = Console(args.json)
@@ -43,6 +43,8 @@ def run(args: argparse.Namespace) -> int:
     outcome = stages.verify_files(folder, result, files, problems, console)
     outcome = stages.find_reserve(outcome, config, console, result)
     outcome = ask_strength(outcome, config, folder, console)
+    outcome = stages.write_pages(outcome, config, folder, console)
+    console.say(first_words(outcome, console))
     outcome, interrupted = stages.simulate_design(outcome, questions, folder, console)
     outcome = stages.write_pages(outcome, config, folder, console)
     if not interrupted:

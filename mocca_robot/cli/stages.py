@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from mocca_robot.assembly import Assembly
 from mocca_robot.cli import reasons
-from mocca_robot.cli.console import Console
+from mocca_robot.cli.console import Console, Pace
 from mocca_robot.cli.reasons import NegativeVerdict
 from mocca_robot.config.config import Config
 from mocca_robot.contacts.contact import ContactReport
@@ -211,8 +211,10 @@ def simulate_design(
     with console.stage("simulate") as show:
         store = TrialStore(folder / "trials.jsonl")
 
+        pace = Pace()
+
         def tell(what: str, done: int, total: int) -> None:
-            show(f"{done} of {total}: {what}")
+            show(f"{done} of {total}: {what}{pace.left(done, total)}")
 
         with executor(questions.threads) as processes:
             found = simulate(assembly, ways, questions, tell, store, processes=processes)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import asyncio
-import contextlib
 import os
-import secrets
-import socket
-import webbrowser
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.errors import EnvironmentNeeded, InputError
+
+if TYPE_CHECKING:
+    from socket import socket as Socket
 
 DESCRIPTION = """Opens a page in your browser on which you work: drop a drawing or meshes, or open a configuration;
 change angles, goals, bounds and loads; drag corners of flat parts; reorder the sequence; and see contacts, joints,
@@ -42,6 +40,11 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Return 0 when Ctrl-C ends it."""
+    import asyncio
+    import contextlib
+    import secrets
+    import webbrowser
+
     try:
         import uvicorn
 
@@ -80,8 +83,10 @@ def run(args: argparse.Namespace) -> int:
     return ExitCode.POSITIVE
 
 
-def listen(port: int | None) -> socket.socket:
+def listen(port: int | None) -> Socket:
     """Return a socket that listens on this computer only. Raises InputError when the port asked for is taken."""
+    import socket
+
     if port is not None and not 0 <= port <= 65535:
         raise InputError(f"--port is {port}; give a number from 1024 to 65535, or none.")
     for candidate in (port,) if port is not None else range(PORT, PORT + TRIED):

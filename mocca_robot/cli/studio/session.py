@@ -231,8 +231,9 @@ class Session:
 
     def _step(self, snapshot: Snapshot, merge: bool) -> None:
         assert self.history is not None
-        self.history = self.history.with_step(snapshot, merge)
-        self._compute()
+        if snapshot.data != self.now.data:
+            self.history = self.history.with_step(snapshot, merge)
+            self._compute()
 
     def _compute(self) -> None:
         self.revision += 1
@@ -284,6 +285,8 @@ class Session:
     def _hear_stage(self, message: dict[str, Any]) -> None:
         stage = message["stage"]
         if stage in STAGES:
+            if stage != "input":  # the parts in the order that its indices mean
+                message = {**message, "assembly": self.computed["input"]["assembly"]}
             self.computed[stage] = message
         if stage == "problem":
             self.problem = {**message, "path": self.now.path}

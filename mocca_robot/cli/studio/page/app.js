@@ -1,5 +1,5 @@
 // Puts the page together: what changed is drawn again, keys and buttons do what they say.
-import { state, listen, changed, connect, post, flatly, stale, showsResult, currentCase, freeParts } from "./state.js";
+import { state, listen, changed, connect, post, flatly, stale, showsResult, currentCase, freeParts, keepPicked } from "./state.js";
 import * as flat from "./flat.js";
 import * as solid from "./solid.js";
 import * as settings from "./settings.js";
@@ -85,11 +85,11 @@ $("redo").onclick = () => post("redo");
 $("jobs").onclick = dialogs.jobs;
 $("help").onclick = dialogs.help;
 $("fit").onclick = () => { flat.fit(); solid.fit(); };
-const look = (which) => { state.which = which; state.motion = null; if (which === "result") state.layers.corners = false; sequence.tiltAgain(); changed("which"); };
+const look = (which) => { keepPicked(() => { state.which = which; }); state.motion = null; if (which === "result") state.layers.corners = false; sequence.tiltAgain(); changed("which"); };
 for (const b of document.querySelectorAll("[data-which]")) b.onclick = () => look(b.dataset.which);
 const toggle = (layer) => {
   state.layers[layer] = !state.layers[layer];
-  if (layer === "corners" && state.layers.corners) { state.which = "input"; state.step = freeParts().length; state.apart = 0; }
+  if (layer === "corners" && state.layers.corners) { keepPicked(() => { state.which = "input"; }); state.step = freeParts().length; state.apart = 0; }
   changed("layers");
 };
 for (const b of document.querySelectorAll("[data-layer]")) b.onclick = () => toggle(b.dataset.layer);

@@ -1,5 +1,5 @@
 // Flat parts as an SVG picture that can be picked, dragged and moved about.
-import { state, changed, parts, showsResult, verdicts, currentCase, arrival, freeParts, insertionOf, post, flatly } from "./state.js";
+import { state, changed, assembly, parts, showsResult, verdicts, currentCase, arrival, freeParts, insertionOf, post, flatly } from "./state.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const FORCE = 0.12, WEDGE = 0.075, APPROACH = 0.35;
@@ -22,8 +22,8 @@ const place = () => {
   const { width, height } = svg.getBoundingClientRect();
   const key = `${state.doc.file}|${state.doc.name}|${Math.round(width)}x${Math.round(height)}`;
   if (view.fitted === key || !width) return;
-  const [low, high] = state.input.assembly.bounds;
-  const pad = 0.12 * state.input.assembly.size;
+  const [low, high] = assembly().bounds;
+  const pad = 0.12 * assembly().size;
   const wide = high[0] - low[0] + 2 * pad, tall = high[1] - low[1] + 2 * pad;
   view.scale = Math.min(width / wide, height / tall);
   view.x = width / 2 - view.scale * (low[0] + high[0]) / 2;
@@ -35,14 +35,14 @@ const shapesNow = () => {
   const built = showsResult() && !state.layers.corners;
   const shapes = built ? state.result.shapes : state.input.shapes;
   if (!dragging?.to) return shapes;
-  const near = 1e-4 * state.input.assembly.size;
+  const near = 1e-4 * assembly().size;
   return shapes.map((rings) => rings.map((ring) => ring.map((p) =>
     Math.hypot(p[0] - dragging.corner[0], p[1] - dragging.corner[1]) <= near ? dragging.to : p)));
 };
 
 // Shift (m) and turn (rad, about the centroid) of a part now: on its way in, apart, or as MuJoCo saw it.
 const pose = (k) => {
-  const part = parts()[k], size = state.input.assembly.size;
+  const part = parts()[k], size = assembly().size;
   let shift = [0, 0], turn = 0;
   const there = arrival(k);
   if (there <= 0) return null;
@@ -51,7 +51,7 @@ const pose = (k) => {
     shift = out.map((v) => v * APPROACH * size * (1 - there) ** 2);
   }
   if (state.apart > 0) {
-    const [low, high] = state.input.assembly.bounds;
+    const [low, high] = assembly().bounds;
     const middle = [(low[0] + high[0]) / 2, low[1]];
     shift = shift.map((s, a) => s + 0.8 * state.apart * (part.centroid[a] - middle[a]));
   }
@@ -87,7 +87,7 @@ const settled = () => state.apart === 0 && !state.motion && !dragging;
 export const draw = () => {
   if (!state.input || !flatly()) return;
   place();
-  const assembly = state.input.assembly, all = parts();
+  const all = parts();
   const picture = make("g", { class: "picture" });
   const shapes = shapesNow();
   const picked = state.picked, blockers = new Set(picked?.part === undefined ? [] : insertionOf(picked.part)?.blockers || []);
@@ -113,8 +113,8 @@ export const draw = () => {
   }
   if (state.layers.names) all.forEach((part, k) => poses[k] && picture.append(moved(k, name(part, k, shapes[k]))));
   if (state.layers.corners) picture.append(corners(shapes));
-  const [gx, gy] = px([(assembly.bounds[0][0] + assembly.bounds[1][0]) / 2, assembly.bounds[0][1]]);
-  const reach = 0.6 * view.scale * assembly.size;
+  const [gx, gy] = px([(assembly().bounds[0][0] + assembly().bounds[1][0]) / 2, assembly().bounds[0][1]]);
+  const reach = 0.6 * view.scale * assembly().size;
   const ground = make("line", { class: "ground", x1: gx - reach, y1: gy, x2: gx + reach, y2: gy });
   const world_ = make("g", {}, ground, picture);
   const lean = state.tilt.angle * (state.tilt.azimuth === 180 ? -1 : 1);
@@ -155,7 +155,7 @@ const joints = () => {
 const same = (a, b) => a.parts[0] === b.parts[0] && a.parts[1] === b.parts[1] && a.k === b.k;
 
 const forces = (shown) => {
-  const group = make("g"), size = state.input.assembly.size;
+  const group = make("g"), size = assembly().size;
   const largest = Math.max(...shown.forces.map((f) => Math.hypot(...f.vector)), 1e-12);
   for (const force of shown.forces) {
     const strength = Math.hypot(...force.vector), length = FORCE * size * Math.sqrt(strength / largest);
@@ -193,8 +193,8 @@ const wedge = (centre, angle, low, high, radius, cls, words) => {
 const cones = () => {
   const group = make("g"), found = verdicts();
   if (!found) return group;
-  const alpha = (state.input.assembly.alpha_deg || 0) * Math.PI / 180;
-  const radius = WEDGE * Math.min(1, Math.sqrt(8 / found.insertions.length) + 0.4) * state.input.assembly.size * view.scale;
+  const alpha = (assembly().alpha_deg || 0) * Math.PI / 180;
+  const radius = WEDGE * Math.min(1, Math.sqrt(8 / found.insertions.length) + 0.4) * assembly().size * view.scale;
   for (const item of found.insertions) {
     if (arrival(item.part) < 1 || (!state.layers.cones && state.picked?.part !== item.part)) continue;
     const centre = px(parts()[item.part].centroid), angle = Math.atan2(item.out[1], item.out[0]), name = parts()[item.part].name;
@@ -208,7 +208,7 @@ const cones = () => {
 };
 
 const corners = (shapes) => {
-  const group = make("g"), seen = new Map(), near = 1e-4 * state.input.assembly.size;
+  const group = make("g"), seen = new Map(), near = 1e-4 * assembly().size;
   shapes.forEach((rings) => rings.forEach((ring) => ring.forEach((p) => {
     seen.set(p.map((v) => Math.round(v / near)).join(","), p);
   })));
@@ -285,7 +285,7 @@ export const start = (element) => {
     const data = e.target.dataset || {};
     if (step && data.corner !== undefined) {
       e.preventDefault();
-      const grid = (e.shiftKey ? 10 : 1) * 10 ** Math.round(Math.log10(0.002 * state.input.assembly.size));
+      const grid = (e.shiftKey ? 10 : 1) * 10 ** Math.round(Math.log10(0.002 * assembly().size));
       const corner = [Number(data.x), Number(data.y)];
       move(corner, corner.map((v, a) => v + step[a] * grid));
     } else if (step) {

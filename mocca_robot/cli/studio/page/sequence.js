@@ -1,5 +1,5 @@
 // The order of assembly: chips to drag, a slider to go through it, tilt, and what MuJoCo sees.
-import { state, changed, parts, freeParts, verdicts, post, newest, flatly, insertionOf } from "./state.js";
+import { state, changed, parts, inputParts, freeParts, verdicts, post, newest, flatly, insertionOf } from "./state.js";
 import { makeElement as el, change } from "./settings.js";
 
 const $ = (id) => document.getElementById(id);
@@ -7,7 +7,7 @@ let playing = false, question = 0;
 
 export const reorder = (names) => change(["sequence"], names);
 const move = (name, to) => {
-  const names = freeParts().map((p) => p.name), from = names.indexOf(name);
+  const names = inputParts().filter((p) => !p.fixed).map((p) => p.name), from = names.indexOf(name);
   if (from < 0 || to < 0 || to >= names.length || to === from) return;
   names.splice(to, 0, names.splice(from, 1)[0]);
   reorder(names);
@@ -16,19 +16,19 @@ const move = (name, to) => {
 let last = "";
 export const render = (root) => {
   if (!state.input) { root.replaceChildren(); last = ""; return; }
-  const free = freeParts(), states = verdicts()?.states || [];
+  const all = inputParts(), states = verdicts()?.states || [], at = (name) => parts().findIndex((p) => p.name === name);
   const falls = new Set(states.filter((c) => !c.stands).map((c) => c.case));
-  const barred = new Set((verdicts()?.insertions || []).filter((i) => !i.assemblable).map((i) => i.part));
-  const signature = JSON.stringify([parts().map((p) => [p.name, p.fixed, p.colour]), [...falls], [...barred], state.picked?.part, Math.floor(state.step)]);
+  const barred = new Set((verdicts()?.insertions || []).filter((i) => !i.assemblable).map((i) => parts()[i.part].name));
+  const signature = JSON.stringify([all.map((p) => [p.name, p.fixed, p.colour]), [...falls], [...barred], parts()[state.picked?.part]?.name, Math.floor(state.step)]);
   if (signature === last || lifted) return;
   last = signature;
   const focused = document.activeElement?.dataset?.name;
-  const chip = (part, k, place) => {
-    const mark = place === null ? null : barred.has(k) ? el("span", { className: "falls", title: "cannot go in" }, "⊘") : falls.has(`state_${part.name}`) ? el("span", { className: "falls", title: "falls after this step" }, "✗") : null;
+  const chip = (part, place) => {
+    const mark = place === null ? null : barred.has(part.name) ? el("span", { className: "falls", title: "cannot go in" }, "⊘") : falls.has(`state_${part.name}`) ? el("span", { className: "falls", title: "falls after this step" }, "✗") : null;
     const item = el("li", { className: place === null ? "fixed" : state.step <= place ? "coming" : "", tabIndex: 0, data: { name: part.name, place: place ?? "" }, title: place === null ? `${part.name} is fixed` : `${place + 1}. ${part.name}; drag, or Alt+← →` },
       el("span", { className: `swatch ${part.fixed ? "cf" : `c${part.colour}`}` }), el("b", {}, place === null ? part.name : `${place + 1} ${part.name}`), mark);
-    item.setAttribute("aria-current", String(state.picked?.part === k));
-    item.addEventListener("click", () => { state.picked = { part: k }; changed("picked"); });
+    item.setAttribute("aria-current", String(parts()[state.picked?.part]?.name === part.name));
+    item.addEventListener("click", () => { state.picked = at(part.name) < 0 ? null : { part: at(part.name) }; changed("picked"); });
     item.addEventListener("keydown", (e) => {
       if (e.altKey && (e.key === "ArrowLeft" || e.key === "ArrowRight") && place !== null) { e.preventDefault(); e.stopPropagation(); move(part.name, place + (e.key === "ArrowLeft" ? -1 : 1)); }
       if (e.key === "Enter") item.click();
@@ -36,7 +36,7 @@ export const render = (root) => {
     if (place !== null) item.addEventListener("pointerdown", (e) => lift(e, item, root));
     return item;
   };
-  root.replaceChildren(...parts().map((p, k) => [p, k]).filter(([p]) => p.fixed).map(([p, k]) => chip(p, k, null)), ...free.map((p, n) => chip(p, p.index, n)));
+  root.replaceChildren(...all.filter((p) => p.fixed).map((p) => chip(p, null)), ...all.filter((p) => !p.fixed).map((p, n) => chip(p, n)));
   if (focused) root.querySelector(`[data-name="${CSS.escape(focused)}"]`)?.focus({ preventScroll: true });
 };
 

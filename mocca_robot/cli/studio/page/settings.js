@@ -1,5 +1,5 @@
 // Fields and sliders: what is asked, bounds on joints, material, loads. What is typed stays, also where it is refused.
-import { state, changed, post, newest, parts, flatly } from "./state.js";
+import { state, changed, post, newest, parts, inputParts, flatly } from "./state.js";
 
 const el = (tag, props = {}, ...children) => {
   const { data, ...rest } = props;
@@ -55,7 +55,7 @@ const field = (name, { wide = false, multiline = false, shown = null } = {}) => 
   const send = () => { drafts.set(name, input.value); change(path, input.value); };
   input.addEventListener("change", send);
   input.addEventListener("input", () => drafts.set(name, input.value));
-  if (!multiline) input.addEventListener("keydown", (e) => { if (e.key === "Enter") send(); if (e.key === "Escape") { drafts.delete(name); errors.delete(name); changed("settings"); } });
+  if (!multiline) input.addEventListener("keydown", (e) => { if (e.key === "Escape") { drafts.delete(name); errors.delete(name); changed("settings"); } });
   slider?.addEventListener("input", () => { input.value = slider.value; drafts.delete(name); sliding(path, Number(slider.value)); });
   updates.push(() => {
     const value = told(name), effective = value === undefined ? fallback(name) : value;
@@ -112,7 +112,7 @@ const goalPanel = () => {
     keyBox.hidden = !lock;
     if (side && document.activeElement !== angleText) angleText.value = side.angle_deg;
     if (side && document.activeElement !== angle) angle.value = side.angle_deg;
-    const names = parts().filter((p) => !p.fixed).map((p) => p.name);
+    const names = inputParts().filter((p) => !p.fixed).map((p) => p.name);
     if (keyPart.options.length !== names.length) keyPart.replaceChildren(...names.map((n) => el("option", {}, n)));
     if (lock) keyPart.value = lock.key;
     error.textContent = errors.get("goal") || (state.problem?.path === "goal" ? state.problem.text : "");

@@ -1,5 +1,5 @@
 // Solid parts in WebGL 2: turn, zoom, pick, take apart, cut open; joints, forces, cones and motions over them.
-import { state, changed, parts, showsResult, verdicts, currentCase, arrival, insertionOf, flatly } from "./state.js";
+import { state, changed, assembly, parts, showsResult, verdicts, currentCase, arrival, insertionOf, flatly } from "./state.js";
 import { frameNow } from "./flat.js";
 
 const FORCE = 0.14, APPROACH = 0.45, CONE = 0.09;
@@ -99,9 +99,9 @@ export const fit = () => { view.fitted = null; changed("fit"); };
 const place = () => {
   const key = `${state.doc.file}|${state.doc.name}`;
   if (view.fitted === key) return;
-  const [low, high] = state.input.assembly.bounds;
+  const [low, high] = assembly().bounds;
   view.centre = low.map((v, a) => (v + high[a]) / 2);
-  view.distance = 1.35 * state.input.assembly.size;
+  view.distance = 1.35 * assembly().size;
   view.fitted = key;
 };
 
@@ -121,13 +121,13 @@ const axes = () => {
   const [ca, sa, ce, se] = [Math.cos(view.azimuth), Math.sin(view.azimuth), Math.cos(view.elevation), Math.sin(view.elevation)];
   return { right: [-sa, ca, 0], up: [-se * ca, -se * sa, ce], eye: [ce * ca, ce * sa, se] };
 };
-const lowest = () => state.input.assembly.bounds[0][2];
+const lowest = () => assembly().bounds[0][2];
 // Columns of the camera: projection × view × the lean of the ground.
 const cameraMatrix = () => {
-  const { right, up, eye } = axes(), size = state.input.assembly.size;
+  const { right, up, eye } = axes(), size = assembly().size;
   const aspect = canvas.width / canvas.height, f = 2.6, distance = view.distance * (1 + 0.9 * state.apart);
   const near = distance * 0.02, far = 2 * distance + 6 * size;
-  const at = view.centre.map((c, k) => c + eye[k] * distance + (k === 2 ? 0.9 * state.apart * (state.input.assembly.bounds[1][2] - lowest()) * 0.5 : 0));
+  const at = view.centre.map((c, k) => c + eye[k] * distance + (k === 2 ? 0.9 * state.apart * (assembly().bounds[1][2] - lowest()) * 0.5 : 0));
   const fx = f / Math.max(aspect, 1), fy = fx * aspect;
   const a = (far + near) / (near - far), b = (2 * far * near) / (near - far);
   let rows = [[...right.map((v) => fx * v), -fx * dot(right, at)], [...up.map((v) => fy * v), -fy * dot(up, at)],
@@ -148,7 +148,7 @@ const leaning = (rows) => {
 };
 
 const pose = (k, wave) => {
-  const part = parts()[k], size = state.input.assembly.size, there = arrival(k);
+  const part = parts()[k], size = assembly().size, there = arrival(k);
   if (there <= 0) return null;
   let shift = [0, 0, 0], turn = [0, 0, 0, 1];
   if (there < 1) shift = (insertionOf(k)?.out || [0, 0, 1]).map((v) => v * APPROACH * size * (1 - there) ** 2);
@@ -194,7 +194,7 @@ const begin = () => {
   const [w, h] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
   if (!w || !h) return null;
   if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
-  const [low, high] = state.input.assembly.bounds;
+  const [low, high] = assembly().bounds;
   view.middle = low.map((v, a) => (v + high[a]) / 2);
   gl.viewport(0, 0, w, h);
   gl.clearColor(0, 0, 0, 0);
@@ -205,7 +205,7 @@ const begin = () => {
   gl.uniformMatrix4fv(shader.at.camera, false, camera);
   gl.uniform3fv(shader.at.eyePlane, axes().eye);
   const { eye } = axes(), flatEye = Math.hypot(eye[0], eye[1]) || 1, n = [eye[0] / flatEye, eye[1] / flatEye, 0];
-  const reach = 0.5 * state.input.assembly.size;
+  const reach = 0.5 * assembly().size;
   gl.uniform4fv(shader.at.plane, state.cut > 0 ? [...n, dot(n, view.middle) + reach * (1 - 2 * state.cut)] : [0, 0, 0, 1e9]);
   return camera;
 };
@@ -282,7 +282,7 @@ const overlays = () => {
   gl.disable(gl.DEPTH_TEST);
   gl.uniform4fv(shader.at.plane, [0, 0, 0, 1e9]);
   putMesh(null, null, null);
-  const sets = [], shown = currentCase(), size = state.input.assembly.size;
+  const sets = [], shown = currentCase(), size = assembly().size;
   if (state.layers.forces && shown?.stands) sets.push([arrows(shown, size), colours.force]);
   if (verdicts() && (state.layers.cones || state.picked?.part !== undefined)) {
     sets.push([coneLines(size, false), colours.accent], [coneLines(size, true), colours.bad]);
@@ -310,7 +310,7 @@ const arrows = (shown, size) => {
   return lines;
 };
 const coneLines = (size, asked) => {
-  const lines = [], alpha = (state.input.assembly.alpha_deg || 0) * Math.PI / 180;
+  const lines = [], alpha = (assembly().alpha_deg || 0) * Math.PI / 180;
   for (const item of verdicts().insertions) {
     if (arrival(item.part) < 1 || (!state.layers.cones && state.picked?.part !== item.part)) continue;
     const apex = parts()[item.part].centroid, length = (asked ? 1.5 : 1.1) * CONE * size;
@@ -394,7 +394,7 @@ const turn = (dx, dy) => {
   changed("view");
 };
 const zoom = (factor) => {
-  const size = state.input?.assembly.size || 1;
+  const size = assembly()?.size || 1;
   view.distance = Math.max(0.15 * size, Math.min(6 * size, view.distance * factor));
   changed("view");
 };

@@ -79,14 +79,27 @@ export const newest = (send, gap = 60) => {
   };
 };
 
-export const parts = () => (state.input ? state.input.assembly.parts : []);
 export const flatly = () => !state.input || state.input.assembly.dimension === 2;
 export const fresh = (stage) => Boolean(state[stage]) && state[stage].revision === state.doc.revision;
 // What is shown: the result where it was asked for and is there, else the input.
-export const showsResult = () => state.which === "result" && Boolean(state.result) && sameParts();
+export const showsResult = () => state.which === "result" && Boolean(state.result) && Boolean(state.input);
+// Its parts in the order that its indices mean: a change of the sequence, or of what is fixed, reorders them.
+export const assembly = () => (showsResult() ? state.result.assembly : state.input?.assembly);
+export const parts = () => assembly()?.parts || [];
+export const inputParts = () => state.input?.assembly.parts || [];
 export const stale = () => (showsResult() || state.which === "result" ? !fresh("result") : !fresh("input"));
-const sameParts = () => state.result.shapes.length === parts().length;
-export const verdicts = () => (showsResult() ? state.result : state.before);
+export const verdicts = () => (showsResult() ? state.result : state.before?.revision === state.input?.revision ? state.before : null);
+// What is picked stays picked while `change` exchanges what is shown.
+export const keepPicked = (change) => {
+  const names = parts().map((p) => p.name), picked = state.picked;
+  change();
+  const now = parts().map((p) => p.name), place = (k) => now.indexOf(names[k]);
+  if (picked?.part !== undefined) state.picked = place(picked.part) < 0 ? null : { part: place(picked.part) };
+  if (picked?.joint) {
+    const pair = picked.joint.parts.map(place).sort((a, b) => a - b);
+    state.picked = pair[0] < 0 ? null : { joint: { ...picked.joint, parts: pair } };
+  }
+};
 export const freeParts = () => parts().map((p, k) => ({ ...p, index: k })).filter((p) => !p.fixed);
 export const insertionOf = (k) => (verdicts()?.insertions || []).find((i) => i.part === k);
 
@@ -154,7 +167,7 @@ const hear = (event) => {
     state.motion = null;
     changed("refused", event);
   } else {
-    state[stage] = event;
+    keepPicked(() => { state[stage] = event; });
     if (stage === "input") state.motion = null;
     if (stage === "result") { state.progress = null; state.doc.busy = false; state.problem = null; }
     changed(stage);

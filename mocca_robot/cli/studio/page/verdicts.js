@@ -1,5 +1,5 @@
 // What was found: the verdict in a line, why not, figures, and everything about what is picked.
-import { state, changed, parts, verdicts, fresh, stale, showsResult, currentCase, insertionOf, freeParts, post } from "./state.js";
+import { state, changed, parts, inputParts, verdicts, fresh, stale, showsResult, currentCase, insertionOf, freeParts, post } from "./state.js";
 import { makeElement as el, change } from "./settings.js";
 
 const degrees = (v) => `${v.toFixed(1)}°`;
@@ -68,8 +68,8 @@ const partCard = (k) => {
   } else if (shown?.moving.includes(k)) rows.push(...fact("Moves", shown.words));
   const density = el("input", { type: "text", value: state.doc.data?.parts?.[part.name]?.density ?? "", placeholder: sig(part.density, 4), ariaLabel: "Density of this part" });
   density.onchange = () => change(["parts", part.name, "density"], density.value);
-  const fixed = parts().filter((p) => p.fixed).map((p) => p.name);
-  const toggle = el("button", { type: "button", id: "fixfree", onclick: () => change(["fixed"], part.fixed ? fixed.filter((n) => n !== part.name) : [...fixed, part.name]) }, part.fixed ? "Free it (F)" : "Fix it (F)");
+  const fixed = inputParts().filter((p) => p.fixed).map((p) => p.name), isFixed = fixed.includes(part.name);
+  const toggle = el("button", { type: "button", id: "fixfree", onclick: () => change(["fixed"], isFixed ? fixed.filter((n) => n !== part.name) : [...fixed, part.name]) }, isFixed ? "Free it (F)" : "Fix it (F)");
   return el("div", { className: "selected" },
     el("div", { className: "row" }, el("h3", {}, part.name + (part.fixed ? ", fixed" : "")), closer()),
     el("dl", { className: "facts" }, ...rows),
@@ -119,7 +119,7 @@ let last = "";
 export const render = (root) => {
   if (!state.doc.open) return;
   root.classList.toggle("stale", stale() && Boolean(verdicts()));
-  const signature = JSON.stringify([headline(), state.picked, state.which, verdicts()?.revision, verdicts()?.stage, state.input?.revision, currentCase()?.case, currentCase()?.revision, currentCase()?.question, state.problem?.text]);
+  const signature = JSON.stringify([headline(), state.picked, state.which, verdicts()?.revision, verdicts()?.stage, state.input?.revision, state.before?.revision, currentCase()?.case, currentCase()?.revision, currentCase()?.question, state.problem?.text]);
   if (signature === last || root.contains(document.activeElement) && document.activeElement.tagName === "INPUT") return;
   last = signature;
   const [kind, mark, words, more] = headline(), found = verdicts();
