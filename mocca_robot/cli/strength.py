@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,15 +109,23 @@ def assessed(
     """Return the strength of parts and joints; without the packages for elements the estimate alone, with a note."""
     from mocca_robot.runtime.executors import executor
     from mocca_robot.strength.assess import MANY, assess
+    from mocca_robot.strength.elements import missing_packages
+    from mocca_robot.strength.part_elements import solve_part
 
+    solve = None if estimate else solve_part
+    if missing := () if estimate else missing_packages(graph.assembly.dimension):
+        console.warn(
+            f"note: no finite elements, since {' and '.join(missing)} is not installed: "
+            "pip install 'mocca-robot[strength]'. What follows is the fast estimate."
+        )
+        solve = None
+    asked = partial(assess, graph, config.strength, friction=config.friction, states=states, elements=solve)
     with console.stage("strength") as show:
-        few = len(graph.assembly.parts) < MANY
-        if few:
-            return assess(graph, config.strength, friction=config.friction, states=states, progress=show)
+        # Processes pay for themselves where there are many parts, or solids with elements in them.
+        if len(graph.assembly.parts) < MANY and (solve is None or graph.assembly.dimension == 2):
+            return asked(progress=show)
         with executor(threads) as processes:
-            return assess(
-                graph, config.strength, friction=config.friction, states=states, executor=processes, progress=show
-            )
+            return asked(executor=processes, progress=show)
 
 
 def with_scale(found: AssemblyStrength, graph: PartsGraph, config: Config, console: Console) -> AssemblyStrength:

@@ -99,7 +99,7 @@ def assess(
         graph: parts and contacts as they are built.
         friction: Coulomb coefficient on which the contact forces count.
         states: whether every state of the sequence that stands is looked at, too.
-        elements: `elements.solved`, for the worst load cases of each part; None = the estimate alone.
+        elements: `part_elements.solve_part`, for the worst load cases of each part; None = the estimate alone.
         executor: where load cases and parts are worked on side by side; here when there is none.
         progress: told what is being done.
         scale: for an assembly so many times as large, under the same user loads.

@@ -28,7 +28,7 @@ from mocca_robot.statics.materials import between, clamped
 from mocca_robot.statics.solver.system import ContactSystem
 from mocca_robot.strength.settings import TINY
 
-FINE = {2: 1.0 / 60.0, 3: 1.0 / 10.0}
+FINE = {2: 1.0 / 60.0, 3: 1.0 / 16.0}
 """Largest stretch between samples of a contact by dimension, as a share of the smaller part's size."""
 SMALL = 0.5
 """Facets below this share of that stretch have one sample, others three."""

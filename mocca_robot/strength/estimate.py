@@ -19,7 +19,7 @@ from mocca_robot.strength.options import MadeOf
 from mocca_robot.strength.sections import Sections
 from mocca_robot.strength.uses import Use, allowed
 
-NOTCH = 1.5
+NOTCH = 2.5
 """Stress in a corner over that of the cut through it, for tension and compression; shear has the beam's own 1.5."""
 SPLIT = 0.35
 """Tension beside and below a pressed patch over its pressure: splitting, and the rim of a stiff stamp."""

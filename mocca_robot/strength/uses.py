@@ -145,8 +145,8 @@ def allowed(made: MadeOf, normals: Array, kind: str) -> Array:
     return np.asarray(np.where(np.abs(normals @ made.axis) >= limit, getattr(made.along, kind), across))
 
 
-def shares(made: MadeOf, stress: Array) -> Array:
-    """Return (m, 3) used shares of tension, compression and shear under stress tensors (m, d, d), Pa.
+def shares(made: MadeOf, stress: Array) -> tuple[Array, Array]:
+    """Return (m, 3) used shares of tension, compression and shear under stress tensors (m, d, d); and strengths, Pa.
 
     The same in every direction: largest principal tension and compression, and what of the state is pure shear. With
     an axis: along it, across it, and sliding along it, each against its own strength.
@@ -155,17 +155,26 @@ def shares(made: MadeOf, stress: Array) -> Array:
         principal = np.linalg.eigvalsh(stress)
         pulled, pushed = np.maximum(principal[:, -1], 0.0), np.maximum(-principal[:, 0], 0.0)
         s = made.strength
-        pure = np.minimum(pulled, pushed)
-        return np.stack([pulled / s.tension, pushed / s.compression, pure / s.shear], axis=1)
+        acting = np.stack([pulled, pushed, np.minimum(pulled, pushed)], axis=1)
+        limits = np.broadcast_to([s.tension, s.compression, s.shear], acting.shape)
+        return acting / limits, limits
     a = made.axis
-    acting = stress @ a
-    along = acting @ a
-    sideways = np.linalg.norm(acting - along[:, None] * a, axis=1)
+    on_axis = stress @ a
+    along = on_axis @ a
+    sideways = np.linalg.norm(on_axis - along[:, None] * a, axis=1)
     flat = np.eye(len(a)) - np.outer(a, a)
     principal = np.linalg.eigvalsh(flat @ stress @ flat)
-    inner, outer = made.strength, made.along
-    tension = np.maximum(np.maximum(along, 0.0) / outer.tension, np.maximum(principal[:, -1], 0.0) / inner.tension)
-    compression = np.maximum(
-        np.maximum(-along, 0.0) / outer.compression, np.maximum(-principal[:, 0], 0.0) / inner.compression
+    used, bounds = [], []
+    for kind, with_axis, across in (
+        ("tension", np.maximum(along, 0.0), np.maximum(principal[:, -1], 0.0)),
+        ("compression", np.maximum(-along, 0.0), np.maximum(-principal[:, 0], 0.0)),
+    ):
+        outer, inner = getattr(made.along, kind), getattr(made.strength, kind)
+        first = with_axis / outer >= across / inner
+        used.append(np.where(first, with_axis / outer, across / inner))
+        bounds.append(np.where(first, outer, inner))
+    shear = min(made.strength.shear, made.along.shear)
+    return (
+        np.stack([*used, sideways / shear], axis=1),
+        np.stack([*bounds, np.full(len(sideways), shear)], axis=1),
     )
-    return np.stack([tension, compression, sideways / min(inner.shear, outer.shear)], axis=1)
