@@ -221,6 +221,13 @@ KEYS: tuple[Key, ...] = (
         known=JOINT_KINDS,
     ),
     Key(
+        "joints.alike",
+        "boolean",
+        _J.alike,
+        "",
+        "One shape for all curved joints, in proportion to their contacts; their directions may still differ.",
+    ),
+    Key(
         "joints.control_heights",
         "integer",
         _J.control_heights,

@@ -21,6 +21,7 @@ class JointOptions:
         kinds: families the designer may use. Flat parts know n- and z-type joints, solid ones n-type joints, frusta and
             the `families` of `mocca_robot.joints.families.known`; n-type ones are always allowed. Families with sharp
             edges are left out where there is a smallest radius.
+        alike: whether all curved joints have one shape, in proportion to their contacts.
         control_heights: along each side of joints of the family 'heights'.
         profile: rows of control heights, as shares of the largest one, that take the place of plain bumps; empty: none.
         max_slope_rad: steepest angle between a joint's normal and the contact's; 70° keeps points blunt.
@@ -42,6 +43,7 @@ class JointOptions:
     """
 
     kinds: tuple[str, ...] = ("n", "z", "frustum", *FURTHER[:-1])
+    alike: bool = False
     control_heights: int = 4
     profile: tuple[tuple[float, ...], ...] = ()
     max_slope_rad: float = float(np.deg2rad(70.0))

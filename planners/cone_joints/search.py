@@ -18,7 +18,7 @@ from planners.cone_joints.richer import beginnings, chosen_among_all, refinement
 from planners.cone_joints.rubbing import pushes, repeated
 from planners.cone_joints.shapes import Shapes
 from planners.cone_joints.thinning import thin
-from planners.cone_joints.unknowns import JointParameters, JointProblem
+from planners.cone_joints.unknowns import JointParameters, JointProblem, made_alike
 
 MANY_JOINTS = 60
 """Joints above which descent starts from all joints curved and makes planar afterwards what it can: with so many
@@ -38,6 +38,7 @@ class Attempt(StrEnum):
     UNIFORM_N = "uniform n"
     UNIFORM_Z = "uniform z"
     UNIFORM_FRUSTUM = "uniform frustum"
+    UNIFORM_DRAWN = "uniform drawn"
     ALL = "all joints"
     MIXED = "mixed joints"
     FREE = "more heights"
@@ -197,6 +198,8 @@ def _tried(
         if number < state.attempt:
             continue
         trail.doing = label
+        if problem.shapes.options.alike:
+            first = made_alike(first, shapes.heights)
         begun = state.polishing or first
         polished = polish(replace(problem, shapes=shapes), begun, watch=partial(trail.step, number))
         rank = _rank(problem, polished)
@@ -243,7 +246,8 @@ def _attempts(
 
     First the joints that kinematic design asks for; then shapes chosen for all joints together; then uniform bumps
     of either sign (at height h > 0 normals lean outwards, at h < 0 inwards, a choice the convex relaxation does not
-    see); then every joint from where kinematic design left it. Large assemblies start from uniform bumps.
+    see); then every joint from where kinematic design left it. Large assemblies, and joints to look alike,
+    start from uniform bumps.
     """
     shapes, loads = problem.shapes, problem.loads
     every = shapes.can_curve
@@ -259,8 +263,8 @@ def _attempts(
         yield Attempt.SIMILAR, near.shapes, near.polished.parameters
         if alone:
             return
-    if len(shapes.contacts) > MANY_JOINTS:
-        if near is None:
+    if len(shapes.contacts) > MANY_JOINTS or shapes.options.alike:
+        if near is None or shapes.options.alike:
             yield from uniform
         return
     points, normals, prices = shapes.candidate_rays()
@@ -299,7 +303,7 @@ def _richer(
         yield Attempt.FREE, shapes, first
     if alone:
         return
-    if len(problem.pairs) <= MANY_JOINTS:
+    if len(problem.pairs) <= MANY_JOINTS and not problem.shapes.options.alike:
         hardest = np.sort(np.argsort(-evaluate(problem, start).infeasibility)[:8])
         mixed = chosen_among_all(problem, start, hardest)
         if mixed is not None:
