@@ -39,7 +39,6 @@ LEAST_RAD_S = 1e-3
 """Speed of the leading joint that a move has at least: a controller refuses zero."""
 
 BLEND_M = 0.002
-WRITTEN = (*ROBOTIQ, "suction", "none")
 GUARD_CYCLES = 20
 """Of 2 ms: a force above the limit that lasts for less is noise."""
 
@@ -48,9 +47,10 @@ def urscript(plan: Plan) -> str:
     """Return the program; InputError when the plan is not sound (`safety.require_sound`) or a number is not usable."""
     require_sound(plan)
     require_drivable(plan)
-    if plan.gripper not in WRITTEN:
+    written = (*ROBOTIQ, "suction", "none")
+    if plan.gripper not in written:
         raise InputError(
-            f"No URScript is written for the gripper '{plan.gripper}', only for {', '.join(WRITTEN)}: run the plan "
+            f"No URScript is written for the gripper '{plan.gripper}', only for {', '.join(written)}: run the plan "
             "with `mocca-robot execute`."
         )
     cell = plan.cell

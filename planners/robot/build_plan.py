@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mocca_robot.arrays import Array
+from mocca_robot.arrays import Array, BoolArray
 from mocca_robot.design import Design, Insertion
 from mocca_robot.errors import InputError
 from mocca_robot.files.design_json import StoredDesign
@@ -45,6 +45,7 @@ STRAINED = 8
 """So many ways that flip the elbow or turn a joint very far are found before the least strained of them is taken."""
 
 _Ways = tuple[list[Array], list[Array]]
+_Strained = tuple[tuple[int, float], int, Seat, Pick, _Ways]
 Progress = Callable[[str], None]
 
 
@@ -231,8 +232,27 @@ class _Attempt:
         grasps = self.search.grasps[name]
         direction = bench.site.turn @ insertion.direction
         usable = reachable(bench, name, grasps) if grasps else None
-        strained: list[tuple[tuple[int, float], int, Seat, Pick, _Ways]] = []
-        for seat in seats(bench, name, grasps, direction, self.at, self.reasons, usable):
+        for flipped in (False, True):
+            strained: list[_Strained] = []
+            step = self._unstrained(insertion, direction, flipped, usable, strained)
+            for candidate in sorted(strained, key=lambda s: s[:2]):
+                step = step or self._timed(insertion, direction, *candidate[2:])
+            if step is not None:
+                return step
+        return None
+
+    def _unstrained(
+        self,
+        insertion: Insertion,
+        direction: Array,
+        flipped: bool,
+        usable: BoolArray | None,
+        strained: list[_Strained],
+    ) -> Step | None:
+        """Return the first step without strain among seats on one side of the elbow; others go to `strained`."""
+        bench, name = self.bench, self.bench.site.bodies[self.index].name
+        grasps, attempts, failures = self.search.grasps[name], self.attempts, self.transit_failures
+        for seat in seats(bench, name, grasps, direction, self.at, self.reasons, usable, flipped=flipped):
             self.attempts += 1
             for pick in picks(bench, name, seat, self.reasons):
                 found = self._connect(name, seat, pick.q_above, pick.q_lifted, pick.flange)
@@ -241,12 +261,11 @@ class _Attempt:
                     strained.append((cost, len(strained), seat, pick, found))
                     if cost[0] == 0 and (step := self._timed(insertion, direction, *strained.pop()[2:])):
                         return step
-                if len(strained) >= STRAINED or self.transit_failures >= TRANSIT_FAILURES:
-                    break
-            if len(strained) >= STRAINED or self.transit_failures >= TRANSIT_FAILURES or self.attempts >= ATTEMPTS:
-                break
-        ordered = sorted(strained, key=lambda s: s[:2])
-        return next((t for s in ordered if (t := self._timed(insertion, direction, *s[2:]))), None)
+                if len(strained) >= STRAINED or self.transit_failures - failures >= TRANSIT_FAILURES:
+                    return None
+            if self.attempts - attempts >= ATTEMPTS:
+                return None
+        return None
 
     def _timed(self, insertion: Insertion, direction: Array, seat: Seat, pick: Pick, ways: _Ways) -> Step | None:
         timed = timed_step(self.bench, self.index, insertion, direction, seat, pick, *ways)

@@ -43,11 +43,14 @@ def seats(
     at: Array,
     reasons: dict[str, int],
     usable: BoolArray | None = None,
+    *,
+    flipped: bool | None = None,
 ) -> Iterator[Seat]:
     """Yield ways to put a part in along `direction` (3,): those that keep the elbow's side first, of these best grasps
     first, of these with the least turn from `at` (6,) first.
 
-    `usable` (n,) leaves grasps out; `reasons` counts why others fail. Whenever this returns or yields, the part is back
+    `flipped` leaves only those that turn the elbow to its other side, or only those that do not. `usable` (n,) leaves
+    grasps out; `reasons` counts why others fail. Whenever this returns or yields, the part is back
     where it waits.
     """
     model = bench.cell.model
@@ -70,6 +73,7 @@ def seats(
             continue
         near = nearest_turn(model, options[k][there[k]], at)
         ways.extend((flips(q, at), k, effort(bench.cell, q, at), q) for q in near)
+    ways = [w for w in ways if flipped is None or w[0] is flipped]
     for _, k, _, q in sorted(ways, key=lambda w: w[:3])[:LOOKED_AT]:
         for seat in _seated(bench, name, grasps[k], flanges[k], q, direction, reasons):
             bench.scene.place(name, bench.waiting(name))
