@@ -14,12 +14,16 @@ from mocca_robot.joints.joint import Joint
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report import drawing2d, drawing3d
 from mocca_robot.report.drawing2d import View
+from mocca_robot.report.load_arrows import REACH, loads_layer
 from mocca_robot.report.markup import esc
 from mocca_robot.statics.cases import CaseVerdict
 from mocca_robot.tolerances import ROUNDING
 
 BENT_RAD = 1e-4
 """Faces that differ by less are drawn without an edge between them."""
+
+FLAT_MARGIN, SOLID_MARGIN = 0.09, 0.13
+"""Free room around a picture, as a share of its diagonal; arrows of loads need as much more as they are long."""
 
 HATCH = (
     '<pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)">'
@@ -57,10 +61,12 @@ class Picture:
 
 def shared_view(assemblies: Sequence[Assembly], size_px: float = 460.0, apart: float = 0.0) -> View:
     """Return a view in which all `assemblies` (of one dimension) appear at the same scale and place."""
+    room = REACH if apart == 0.0 and any(a.actions for a in assemblies) else 0.0
     if assemblies[0].dimension == 2:
-        return drawing2d.view_of(np.concatenate([drawing2d.corners(a) for a in assemblies]), size_px)
+        corners = np.concatenate([drawing2d.corners(a) for a in assemblies])
+        return drawing2d.view_of(corners, size_px, FLAT_MARGIN + room)
     points = np.concatenate([m.vertices for a in assemblies for m in drawing3d.exploded(a, apart)])
-    return drawing2d.view_of(points @ drawing3d.camera()[:2].T, size_px, 0.13)
+    return drawing2d.view_of(points @ drawing3d.camera()[:2].T, size_px, SOLID_MARGIN + room)
 
 
 def draw(picture: Picture, view: View, label: str, style: str = "") -> str:
@@ -70,6 +76,8 @@ def draw(picture: Picture, view: View, label: str, style: str = "") -> str:
     for number, verdict in enumerate(picture.cases):
         shown = "" if number == 0 else ' style="display:none"'
         layers.append(f'<g data-case="{esc(verdict.case.name)}"{shown}>{_case(picture, verdict, view)}</g>')
+    if not picture.insertions and picture.apart == 0.0:
+        layers.append(loads_layer(picture.graph, view, None if flat else drawing3d.camera()))
     if flat and picture.names:
         layers.append(drawing2d.names_layer(picture.graph.assembly, view))
     return view.svg("\n".join(layers), label, "drawing", style)

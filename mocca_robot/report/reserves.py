@@ -6,11 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
-from mocca_robot.actions import Action, AddedMass, BodyAcceleration, LineForce, PointForce, SupportMove, Worker
 from mocca_robot.assembly import Assembly
 from mocca_robot.report.data import ReportData
+from mocca_robot.report.load_words import load_size, move_words
 from mocca_robot.report.markup import esc, listed, significant, table
 from mocca_robot.report.sections import section
 from mocca_robot.statics.load_factor import LoadFactor
@@ -37,35 +35,13 @@ def factor_words(found: LoadFactor) -> str:
     return f"'{found.name}': stands up to {significant(found.factor, 4)} times it{when}; then {names} would move"
 
 
-def move_words(metres: float, radians: float) -> str:
-    """Return how far a support moves: 12 mm and 3°."""
-    said = [f"{1e3 * metres:.4g} mm"] if metres else []
-    return " and ".join([*said, f"{math.degrees(radians):.4g}°"] if radians else said)
-
-
 def size_words(assembly: Assembly, name: str) -> str:
     """Return a load's size, or what a combination is made of (not escaped)."""
     for action in assembly.actions:
         if action.name == name:
-            return _size(action)
+            return load_size(action)
     combination = next(c for c in assembly.combinations if c.name == name)
     return " + ".join([f"{combination.gravity:g} own weight", *(f"{f:g} {n}" for n, f in combination.factors.items())])
-
-
-def _size(action: Action) -> str:
-    if isinstance(action, SupportMove):
-        return f"'{action.part}' moves by {move_words(float(np.linalg.norm(action.shift)), action.turn_rad)}"
-    if isinstance(action, PointForce):
-        return f"{np.linalg.norm(action.force):.4g} N on '{action.part}'"
-    if isinstance(action, LineForce):
-        return f"{np.linalg.norm(action.force):.4g} N/m on '{action.part}'"
-    if isinstance(action, AddedMass):
-        return f"{action.mass_kg:.4g} kg on '{action.part}'"
-    if isinstance(action, Worker):
-        return f"{action.mass_kg:.4g} kg on what was placed last"
-    if isinstance(action, BodyAcceleration):
-        return f"{np.linalg.norm(action.acceleration):.4g} m/s²"
-    return f"{action.pressure_pa:.4g} Pa"
 
 
 def reserves(data: ReportData) -> str:

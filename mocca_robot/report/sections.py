@@ -23,6 +23,11 @@ APART = 0.6
 """How far the parts of a solid are moved from each other in the third picture, as a share of their distance."""
 
 
+LEGEND = (
+    "Orange arrows: loads, each ending where it acts, with its name and size; those on the ground press on nothing."
+)
+
+
 def section(identity: str, title: str, body: str) -> str:
     """Return a titled section that the navigation can point to."""
     return f'<section id="{identity}"><h2>{esc(title)}</h2>{body}</section>'
@@ -58,7 +63,9 @@ def side_by_side(data: ReportData) -> str:
         )
         drawn = pictures.draw(opened, wide, f"{built.name}, taken apart")
         panels.append(f"<figure>{drawn}<figcaption>{words}</figcaption></figure>")
-    return section("pictures", "Input and result", f'{_controls(data)}<div class="figures">{"".join(panels)}</div>')
+    loads = f"<p>{LEGEND}</p>" if source.actions else ""
+    body = f'{_controls(data)}<div class="figures">{"".join(panels)}</div>{loads}'
+    return section("pictures", "Input and result", body)
 
 
 def _controls(data: ReportData) -> str:
