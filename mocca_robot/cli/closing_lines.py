@@ -58,7 +58,7 @@ def conclude(
     if interrupted:
         console.say("Interrupted: the verdicts cover what was finished; the same command goes on from there.")
     elif not outcome.findings:
-        console.say(f"✓ {tilt_words.positive_words(outcome.reserve)}")
+        console.say(f"✓ {tilt_words.positive_words(outcome.reserve, outcome.after.load_factors)}")
     console.say(console.times())
     for kind, path in outcome.files.items():
         if kind != "report":

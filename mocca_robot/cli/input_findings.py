@@ -180,7 +180,9 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
     supports = reasons.supports(assembly, found.states)
     if supports:
         out.append(f"needs support after placing {quoted(supports, 20)}")
-    out += [f"✗ {f.text}" for f in found.findings] or [f"✓ {tilt_words.positive_words(found.reserve)}"]
+    out += [f"✗ {f.text}" for f in found.findings] or [
+        f"✓ {tilt_words.positive_words(found.reserve, found.verification.load_factors)}"
+    ]
     return out
 
 

@@ -16,7 +16,7 @@ POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inli
 CHAPTERS = (
     ("pictures", "Input and result"),
     ("cases", "Load cases"),
-    ("reserves", "Loads and reserves"),
+    ("reserves", "How much it takes"),
     ("strength", "Strength"),
     ("sequence", "Assembly"),
     ("tilt", "Tilt"),

@@ -12,6 +12,8 @@ from mocca_robot.report.load_words import load_size, move_words
 from mocca_robot.report.markup import esc, listed, significant, table
 from mocca_robot.report.sections import section
 from mocca_robot.statics.load_factor import LoadFactor
+from mocca_robot.verdicts.agreement import towards
+from mocca_robot.verdicts.physics import LoadVerdict
 
 
 def factor_words(found: LoadFactor) -> str:
@@ -45,14 +47,19 @@ def size_words(assembly: Assembly, name: str) -> str:
 
 
 def reserves(data: ReportData) -> str:
-    """Return the table of load factors, of the result beside the input; nothing without loads."""
+    """Return how much it takes: load factors of the result beside the input and physics, then the critical tilts.
+
+    Nothing without loads.
+    """
     before = {f.name: f for f in data.before.load_factors}
+    physics = {f.name: f for f in data.simulation.loads} if data.simulation else {}
     rows = [
         [
             esc(found.name),
             esc(size_words(data.design.source, found.name)),
             _figure(before.get(found.name)),
             _figure(found),
+            _measured(physics.get(found.name)),
             listed(found.moving) if found.moving else "nothing",
         ]
         for found in data.after.load_factors
@@ -61,10 +68,34 @@ def reserves(data: ReportData) -> str:
         return ""
     words = (
         "<p>How many times each load the structure carries beside its own weight before it first falls, and what moves "
-        "then. A combination's loads grow together. ∞: any amount stands.</p>"
+        "then; of a support that moves, how many times its move. A combination's loads grow together. ∞: any amount "
+        "stands. Physics lets the structure go under ever other multiples, and stops at twice what statics says.</p>"
     )
-    head = ("Load", "Size", "λ of the input", "λ of the result", "Who moves")
-    return section("reserves", "Loads and reserves", words + table(head, rows, caption="Load factors", numeric=(2, 3)))
+    head = ("Load", "Size", "λ of the input", "λ of the result", "λ in physics", "Who moves")
+    tables = table(head, rows, caption="Load factors", numeric=(2, 3, 4)) + _tilts(data)
+    return section("reserves", "How much it takes", words + tables)
+
+
+def _measured(found: LoadVerdict | None) -> str:
+    if found is None:
+        return "–"
+    rubs = f" (friction {found.friction:g})" if found.friction else ""
+    if math.isinf(found.factor):
+        return f"over {significant(found.tried, 3)}{rubs}"
+    return f"{significant(found.factor, 4)} ± {significant(found.within, 1)}{rubs}"
+
+
+def _tilts(data: ReportData) -> str:
+    """Return the tilt towards the weakest side for every friction, by statics and in physics, as a table."""
+    dimension, rows = data.design.assembly.dimension, []
+    for mu in sorted({t.friction for t in data.tilts}):
+        weakest = min((t for t in data.tilts if t.friction == mu), key=lambda t: t.after_rad)
+        measured = [t for t in (data.simulation.tilt if data.simulation else ()) if t.friction == mu]
+        least = f"{math.degrees(min(t.critical_rad for t in measured)):.2f}°" if measured else "–"
+        side = towards(weakest.azimuth_rad, dimension)
+        rows.append([f"{mu:g}", f"{math.degrees(weakest.after_rad):.2f}°", side, least])
+    head = ("Friction", "Smallest critical tilt", "Towards", "In physics")
+    return table(head, rows, caption="And without loads, the ground tilts", numeric=(0, 1, 3)) if rows else ""
 
 
 def _figure(found: LoadFactor | None) -> str:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from mocca_robot.errors import quoted
 from mocca_robot.joints.bounds import Bound
 from mocca_robot.report.case_words import case_words
+from mocca_robot.statics.load_factor import LoadFactor
 from mocca_robot.statics.tilt_reserve import TiltReserve
 from mocca_robot.verdicts.agreement import towards
 
@@ -34,8 +36,16 @@ def tilt_words(reserve: TiltReserve, dimension: int) -> str:
     )
 
 
-def positive_words(reserve: TiltReserve | None) -> str:
-    """Return that nothing speaks against a structure, and by how much its reserve falls short of what was asked for."""
+def positive_words(reserve: TiltReserve | None, factors: Sequence[LoadFactor] = ()) -> str:
+    """Return that nothing speaks against a structure, by how much its reserve falls short of what was asked for, and
+    of which loads it is not decided how much stands.
+    """
+    silent = [f.name for f in factors if f.factor is None]
+    undecided = f"; how much it takes of {quoted(silent, 4)} is not decided" if silent else ""
+    return _reserve_words(reserve) + undecided
+
+
+def _reserve_words(reserve: TiltReserve | None) -> str:
     if reserve is None or not reserve.missed:
         return "every verdict is positive"
     return (

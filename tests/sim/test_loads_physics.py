@@ -14,11 +14,16 @@ from solids import box
 
 from mocca_robot.actions import Action, AddedMass, BodyAcceleration, Combination, PointForce, Pressure, Wind
 from mocca_robot.assembly import Assembly, Part, Polygon
+from mocca_robot.design import Design
 from mocca_robot.motion.parts_graph import PartsGraph
+from mocca_robot.report.data import ReportData
+from mocca_robot.report.reserves import reserves
+from mocca_robot.report.tilt_words import positive_words
 from mocca_robot.statics.applied import Push
 from mocca_robot.statics.load_factor import asked_combinations, load_factors
 from mocca_robot.verdicts.physics import LoadVerdict, Verdict
 from mocca_robot.verdicts.simulation_json import simulation_from_data, simulation_to_data
+from mocca_robot.verdicts.verification import verify
 from sim.coulomb import loading
 from sim.coulomb.judge import rubbing
 from sim.forces import forces_of
@@ -210,3 +215,16 @@ def test_an_arch_of_27_voussoirs_under_a_load_at_its_quarter_point() -> None:
     assert found.statics == pytest.approx(thrust_line_factor(arch, stone, force), rel=1e-6)
     assert found.factor == pytest.approx(found.statics, rel=0.01)
     assert len(found.moved) > 20
+
+
+def test_the_report_says_how_much_it_takes_by_statics_and_in_physics() -> None:
+    end = PointForce(name="end", part="plank", force=np.array([0.0, -100.0]), at=np.array([4.0, 1.1]))
+    middle = replace(end, name="middle", at=None)
+    assembly = Assembly("plank", PLANK, alpha_rad=None, actions=(end, middle))
+    found = simulate(assembly, questions=Questions(stages=("loads",), threads=1))
+    design = Design(source=assembly, assembly=assembly, joints=(), insertion=(), load_cases=())
+    after = verify(assembly)
+    page = reserves(ReportData(design=design, before=after, after=after, states=(), simulation=found))
+    assert "58.84 ± 0.1" in page and "over 392" in page and "∞" in page
+    silent = replace(after.load_factors[0], factor=None)
+    assert positive_words(None, [silent]) == "every verdict is positive; how much it takes of 'end' is not decided"

@@ -126,7 +126,7 @@ def _designed(
         "reserve": None if reserve is None else _reserve(reserve, assembly.dimension),
         "loads": [reserves.factor_words(f) for f in after.load_factors],
         "positive": not found,
-        "closing": None if found else tilt_words.positive_words(reserve),
+        "closing": None if found else tilt_words.positive_words(reserve, after.load_factors),
         "friction": None if design.friction is None else design.friction.words,
     }, after.graph
 
