@@ -31,6 +31,7 @@ def run(args: argparse.Namespace) -> int:
     from mocca_robot.cli import designing, stages
     from mocca_robot.cli.climb import climb_data, climb_words
     from mocca_robot.cli.closing_lines import conclude, introduce
+    from mocca_robot.cli.strength import ask_strength
 
     console = Console(args.json)
     config = arguments.read(args, console)
@@ -44,12 +45,14 @@ def run(args: argparse.Namespace) -> int:
         found = designing.design_in_order(config, contacts, folder, console)
         if found.designed is None:
             return designing.tell_no_order(found, console)
-        config, result, further = replace(config, assembly=found.assembly), found.designed, {}
+        config, further = replace(config, assembly=found.assembly), {}
+        result = designing.strengthen_joints(config, found.designed, console)
     files, problems = stages.write_files(result, config, folder, console)
     if result.interrupted is not None:
         return designing.tell_interruption(result, files, folder, console)
     outcome = stages.verify_files(folder, result, files, problems, console)
     outcome = stages.find_reserve(outcome, config, console, result)
+    outcome = ask_strength(outcome, config, folder, console)
     outcome = stages.write_pages(outcome, config, folder, console)
     designing.forget_progress(folder)
     if args.largest_angle:

@@ -14,7 +14,9 @@ from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.config.config import Config
 from mocca_robot.contacts.contact import ContactReport
+from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
+from mocca_robot.joints.options import JointOptions
 from mocca_robot.report.case_words import case_words
 from mocca_robot.statics.materials import Friction
 from mocca_robot.tolerances import CASE_HELD
@@ -123,6 +125,25 @@ def sequence_words(found: OrderedDesign) -> list[str]:
     orders = "1 order was" if found.tried == 1 else f"{found.tried} orders were"
     end = "" if found.designed.achieved else "; none has joints, and this is the first"
     return [*told, f"{orders} tried for joints{end}"]
+
+
+def strengthen_joints(config: Config, found: Designed, console: Console) -> Designed:
+    """Return a design whose joints bear their loads as often as `strength` asks, or the strongest that was found."""
+    from planners.cone_joints.designer import design
+    from planners.cone_joints.stronger import reached, stronger
+
+    if not config.asks_strength or found.interrupted is not None or not found.achieved:
+        return found
+    contacts, friction = find_contacts(config.assembly), found.design.judged_friction
+    with console.stage("strength of joints") as show:
+
+        def again(options: JointOptions) -> Designed:
+            show(f"joints of at most {options.max_height:.2g} of their contact")
+            return design(config.assembly, options, insertion=dict(config.insertion) or None, contacts=contacts)
+
+        return stronger(
+            found, config.joints, config.strength.safety, again, lambda d: reached(d, config.strength, friction)
+        )
 
 
 def require_friction(config: Config) -> None:

@@ -36,7 +36,8 @@ def run(args: argparse.Namespace) -> int:
     found = designing.design_in_order(config, contacts, folder, console)
     if found.designed is None:
         return designing.tell_no_order(found, console)
-    config, result = replace(config, assembly=found.assembly), found.designed
+    config = replace(config, assembly=found.assembly)
+    result = designing.strengthen_joints(config, found.designed, console)
     files, problems = stages.write_files(result, config, folder, console)
     if result.interrupted is not None:
         return designing.tell_interruption(result, files, folder, console)

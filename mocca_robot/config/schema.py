@@ -364,7 +364,7 @@ KEYS: tuple[Key, ...] = (
         "",
         "How many times its loads every part has to bear.",
         low=1.0,
-        high=1e3,
+        high=1e6,
     ),
     Key(
         "strength.insertion_force",
