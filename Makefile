@@ -18,7 +18,7 @@ PROGRAMS := $(if $(filter Windows_NT,$(OS)),Scripts,bin)
 BIN := $(VENV)/$(PROGRAMS)
 STAMP := $(VENV)/.installed
 WORKERS ?= 2
-BENCHES ?= agreement agreement_configs agreement_loads insertions contacts statics friction tilt_sweep states baseline configs growth physics plans profile builds
+BENCHES ?= agreement agreement_configs agreement_loads insertions contacts statics friction samples tilt_sweep states baseline configs growth physics plans profile builds
 QUICK ?= configs contacts statics friction baseline growth
 COMPAS := .venv-compas
 ifneq ($(wildcard $(COMPAS)/$(PROGRAMS)/python),)

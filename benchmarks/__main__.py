@@ -70,6 +70,7 @@ def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement
     from benchmarks.physics import insertions, physics
     from benchmarks.plans import plans
     from benchmarks.profile import profile
+    from benchmarks.samples import samples
     from benchmarks.states import states
 
     return {
@@ -88,6 +89,7 @@ def all_benches() -> dict[str, Callable[[bool, str | None], Iterator[Measurement
         "physics": physics,
         "plans": plans,
         "profile": profile,
+        "samples": samples,
         "states": states,
     }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import statistics
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -48,6 +49,10 @@ together. Memory starts at about 100 MB for Python and its libraries, which flat
 PROFILE_TEXT = """Own time of each room of the programme, time in libraries counted for the room that calls them:
 contacts, design and verification of three configurations on one thread, under a profiler (which slows small
 functions down)."""
+SAMPLES_TEXT = """The published samples of compas_cra 0.8, each with the friction, supports and tolerances of its
+script, turned as there. Ours decides on the contacts that compas_cra finds; times are CPU seconds of the verdict alone.
+*no answer*: its solver ends without a solution, which its users read as unstable. Verdicts that contradict what closed
+forms or the friction engine say are marked WRONG."""
 AGREEMENT_TEXT = """Assemblies judged by statics and by physics (MuJoCo without friction, the friction engine with
 it) just below and just above their critical tilt. *near*: too close to falling upright to tell. Of them all:"""
 
@@ -230,6 +235,28 @@ def _agreement(run: Run, docs: Path, text: str = AGREEMENT_TEXT) -> str:
     return f"{text} {words}.{which}\n\n{listed}".rstrip()
 
 
+def _samples(run: Run, docs: Path) -> str:
+    """Both verdicts on every sample, with their times, and in how many both are right."""
+    rows, ratios = [], []
+    for case in dict.fromkeys(r.case for r in run.rows):
+        mine = {r.tool: r for r in run.rows if r.case == case}
+        ours, theirs = mine.get("ours"), mine.get("compas_cra")
+        if ours is None or theirs is None:
+            continue
+        ratios.append(theirs.seconds / ours.seconds)
+        said = re.sub(r" \(.*\)", "", theirs.verdict)
+        rows.append((case, said, _seconds(theirs.seconds), ours.verdict, _seconds(ours.seconds), f"{ratios[-1]:.0f}×"))
+    if not rows:
+        return f"{SAMPLES_TEXT}\n\nNot tried here: run `make compas` first."
+    wrong = sum("WRONG" in r.verdict for r in run.rows)
+    summary = (
+        f"{len(rows)} samples, {wrong} wrong verdicts; ours takes {min(ratios):.0f} to {max(ratios):.0f} times less, "
+        f"{statistics.median(ratios):.0f} in the median."
+    )
+    head = ("sample", "compas_cra", "seconds", "ours", "seconds", "ratio")
+    return f"{SAMPLES_TEXT}\n\n{summary}\n\n{_table(head, rows)}"
+
+
 def _insertions(run: Run, docs: Path) -> str:
     rows = [(r.case, _seconds(r.seconds), r.verdict) for r in run.rows]
     return f"{INSERTIONS_TEXT}\n\n{_table(('configuration', 'seconds', 'what came out'), rows)}"
@@ -252,6 +279,7 @@ CHAPTERS: dict[str, tuple[str, Callable[[Run, Path], str]]] = {
     "statics": ("Statics: E of one load case", _statics),
     "tilt_sweep": ("Statics: 31 tilts from 0° to 15°, by the clock", _statics),
     "friction": ("Statics with friction", _statics),
+    "samples": ("Statics with friction: the samples of compas_cra", _samples),
     "states": ("Verdicts while building, with friction", _statics),
     "contacts": ("Contacts", _contacts),
     "physics": ("Physics", _physics),

@@ -39,6 +39,26 @@ def test_every_line_is_a_row(bench: str, case: str, capsys: pytest.CaptureFixtur
     assert ours["seconds"] > 0 and ours["memory_mb"] > 0
 
 
+def test_a_sample_without_its_peer_is_told_and_one_with_its_answer_is_decided(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("MOCCA_COMPAS_PYTHON", raising=False)
+    assert main(["samples", "--case", "cubes"]) == 0
+    assert "not tried: run make compas" in capsys.readouterr().out
+    square = [[x, y, 0.0] for x in (0.0, 1.0) for y in (0.0, 1.0)]
+    found = {
+        "seconds": 1.0, "verdict": "no answer (solve failed)", "pairs": [[0, 1]] * 4, "points": square,
+        "normals": [[0.0, 0.0, 1.0]] * 4, "centres": [[0.5, 0.5, -0.5], [0.5, 0.5, 0.5]], "weights": [1.0, 1.0],
+        "fixed": [0],
+    }  # fmt: skip
+    monkeypatch.setenv("MOCCA_COMPAS_PYTHON", "python")
+    monkeypatch.setattr("benchmarks.samples._asked", lambda python, sample: found)
+    assert main(["samples", "--case", "cubes", "--json"]) == 0
+    theirs, ours = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    assert theirs["verdict"] == "no answer (solve failed); WRONG"
+    assert ours["verdict"] == "stands" and ours["kkt"] < 1e-8
+
+
 def test_an_unknown_case_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["statics", "--case", "pyramid"]) == 2
     assert "pyramid" in capsys.readouterr().err
