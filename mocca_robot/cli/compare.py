@@ -1,4 +1,4 @@
-"""`mocca-robot compare`: flat, single-direction and cone joints side by side, in statics and in MuJoCo."""
+"""`mocca-robot compare`: flat, single-direction and cone joints side by side, or cone joints that count on friction."""
 
 from __future__ import annotations
 
@@ -28,6 +28,10 @@ Its `CONE_JOINTS` is the name of the designed one.
 """
 
 
+MOST_FRICTION = 10.0
+"""As of `joints.friction`."""
+
+
 class JoinedParts(Protocol):
     """One way to join the same parts, before anybody has judged it: what `joineries` returns several of."""
 
@@ -48,34 +52,56 @@ class JoinedParts(Protocol):
         """Return the way in of every free part."""
 
     @property
+    def friction(self) -> float:
+        """Return the Coulomb coefficient to judge it with."""
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """Return what a reader should know."""
 
 
 def add(commands: Any) -> None:
     """Add the command."""
-    text = "compare the same parts with flat, single-direction and cone joints, side by side, in statics and MuJoCo"
+    text = (
+        "compare the same parts with flat, single-direction and cone joints, or with cone joints that count on "
+        "different friction, side by side, in statics and physics"
+    )
     parser: argparse.ArgumentParser = commands.add_parser("compare", help=text, description=text)
     arguments.add_input(parser)
     arguments.add_output(parser)
     arguments.add_json(parser)
+    parser.add_argument(
+        "--friction", type=float, nargs="+", metavar="MU",
+        help="compare cone joints that count on these Coulomb coefficients instead, such as 0 0.2 0.4",
+    )  # fmt: skip
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Return 0 when the cone joints hold what is asked, 1 otherwise; the other variants are there to fail."""
+    """Return 0 when the cone joints hold what is asked, 1 otherwise; the other variants are there to fail.
+
+    With `--friction` all of them have to hold.
+    """
     from mocca_robot.cli import reasons, stages
     from mocca_robot.report.comparison import write_comparison
 
     console = Console(args.json)
+<<<<<<< HEAD
     config = arguments.read(args, console)
+=======
+    with console.stage("read"):
+        config = arguments.load(args)
+    frictions = _frictions(args.friction)
+>>>>>>> 99938c4 (compare --friction: designs that count on different friction side by side)
     folder = arguments.output_folder(args, config.assembly.name)
     contacts = stages.read_contacts(config.assembly, console)
     with console.stage("design") as show:
         comparison = import_module(COMPARISON)
-        found = comparison.joineries(
-            config.assembly, config.joints, contacts=contacts, progress=lambda what, _: show(what)
-        )
+        asked = {"contacts": contacts, "progress": lambda what, _: show(what)}
+        if frictions:
+            found = comparison.designs_with_friction(config.assembly, frictions, config.joints, **asked)
+        else:
+            found = comparison.joineries(config.assembly, config.joints, **asked)
     variants = []
     for joinery in found:
         with console.stage(joinery.name):
@@ -84,10 +110,13 @@ def run(args: argparse.Namespace) -> int:
         path = write_comparison(folder / "comparison.html", config.assembly.name, variants)
     for variant in variants:
         console.say(words(variant))
-    designed = next(v for v in variants if v.name == comparison.CONE_JOINTS)
-    findings = reasons.statics_findings(designed.assembly, designed.verification)
-    for finding in findings:
-        console.say(f"✗ {designed.name}: {finding.text}")
+    findings = []
+    for variant in variants:
+        if frictions or variant.name == comparison.CONE_JOINTS:
+            theirs = reasons.statics_findings(variant.assembly, variant.verification)
+            for finding in theirs:
+                console.say(f"✗ {variant.name}: {finding.text}")
+            findings += theirs
     console.say(console.times())
     console.say(str(path))
     document = {
@@ -99,8 +128,20 @@ def run(args: argparse.Namespace) -> int:
     return console.finish(positive_if(not findings), document)
 
 
+def _frictions(given: list[float] | None) -> list[float]:
+    """Return the coefficients to design with. Raises InputError for what is no coefficient, or is there twice."""
+    from mocca_robot.errors import InputError
+
+    for friction in given or ():
+        if not 0.0 <= friction <= MOST_FRICTION:
+            raise InputError(f"--friction {friction:g}: give numbers from 0 to {MOST_FRICTION:g}, such as 0 0.2 0.4.")
+    if given and len(set(given)) < len(given):
+        raise InputError(f"--friction names {max(given, key=given.count):g} twice; keep one.")
+    return given or []
+
+
 def judged(joinery: JoinedParts) -> Variant:
-    """Return a variant with every verdict: statics, insertion, deadlock, tilt, and MuJoCo's on the finished state.
+    """Return a variant with every verdict: statics, insertion, deadlock, tilt, and physics' on the finished state.
 
     Where a key is asked for, somebody holds it in physics too, and statics is asked about that state as well; such a
     structure gets no tilt.
@@ -113,24 +154,20 @@ def judged(joinery: JoinedParts) -> Variant:
     from mocca_robot.motion.insertion import insertion_verdicts
     from mocca_robot.report.comparison import Variant
     from mocca_robot.statics.mobility import leaving_parts
-    from mocca_robot.verdicts.physics import Verdict
     from mocca_robot.verdicts.verification import verify
-    from sim.shapes.contact_model import contact_model
-    from sim.stability import free_scene, stability
 
-    assembly = joinery.assembly
+    assembly, friction = joinery.assembly, joinery.friction
     directions = {i.part: i.direction for i in joinery.insertion}
-    verification = verify(assembly, directions=directions)
-    graph, contacts = verification.graph, verification.contacts
+    verification = verify(assembly, friction=friction, directions=directions)
+    graph = verification.graph
     held = np.array(assembly.fixed)
     for goal in assembly.goals:
         if isinstance(goal, Interlocking):
             held[assembly.index(goal.key)] = True
     keyed = bool((held & ~assembly.fixed).any())
     if keyed:
-        verification = replace(verification, cases=(*verification.cases, _key_held(graph, held)))
-    physics = stability(free_scene(assembly, contact_model(assembly, contacts), held=held))
-    tilt, physical = (None, None) if keyed else _weakest_tilt(graph)
+        verification = replace(verification, cases=(*verification.cases, _key_held(graph, held, friction)))
+    tilt, physical = (None, None) if keyed else _weakest_tilt(graph, friction)
     straight = insertion_verdicts(replace(graph, assembly=replace(assembly, alpha_rad=None)))
     leaving = leaving_parts(graph)
     return Variant(
@@ -139,7 +176,8 @@ def judged(joinery: JoinedParts) -> Variant:
         verification=verification,
         joints=joinery.joints,
         insertion=joinery.insertion,
-        physics_stands=None if physics.verdict is Verdict.FAILED else physics.stands,
+        friction=friction,
+        physics_stands=_physics_stands(graph, held, friction),
         tilt_rad=tilt,
         physics_tilt_rad=physical,
         goes_in=all(i.alpha_rad > -ANGLE_ROUNDING_RAD and not i.collides for i in straight),
@@ -148,26 +186,46 @@ def judged(joinery: JoinedParts) -> Variant:
     )
 
 
-def _key_held(graph: PartsGraph, held: BoolArray) -> CaseVerdict:
+def _physics_stands(graph: PartsGraph, held: BoolArray, friction: float) -> bool | None:
+    """Return the verdict of MuJoCo, with friction of the friction engine, on the finished state; None for none."""
+    from mocca_robot.statics.loads import LoadCase
+    from mocca_robot.verdicts.physics import Verdict
+    from sim.coulomb.judge import rubbing, standing
+    from sim.coulomb.settle import SettlingOutcome
+    from sim.shapes.contact_model import contact_model
+    from sim.stability import free_scene, stability
 
+    if friction > 0.0:
+        found = standing(rubbing(graph, friction), LoadCase("gravity", graph.assembly.gravity, graph.present, held))
+        return None if found.settled.outcome is SettlingOutcome.UNDECIDED else found.stands
+    physics = stability(free_scene(graph.assembly, contact_model(graph.assembly, graph.contacts), held=held))
+    return None if physics.verdict is Verdict.FAILED else physics.stands
+
+
+def _key_held(graph: PartsGraph, held: BoolArray, friction: float) -> CaseVerdict:
     from mocca_robot.statics.cases import solve_case
     from mocca_robot.statics.loads import LoadCase
 
-    return solve_case(graph, LoadCase("gravity_key_held", graph.assembly.gravity, graph.present, held))
+    return solve_case(graph, LoadCase("gravity_key_held", graph.assembly.gravity, graph.present, held), friction)
 
 
-def _weakest_tilt(graph: PartsGraph) -> tuple[float, float]:
-    """Return the smallest critical tilt over azimuths by statics, and MuJoCo's towards the same azimuth."""
+def _weakest_tilt(graph: PartsGraph, friction: float) -> tuple[float, float]:
+    """Return the smallest critical tilt over azimuths by statics, and that of physics towards the same azimuth."""
     import numpy as np
 
     from mocca_robot.statics.cases import critical_tilts
     from mocca_robot.statics.loads import tilt_azimuths
+    from sim.coulomb.judge import rubbing
+    from sim.coulomb.tilting import tilt_bracket
     from sim.shapes.contact_model import contact_model
     from sim.tilt import physical_tilt, tilt_scene
 
     azimuths = tilt_azimuths(graph.assembly.dimension, 8)
-    tilts = critical_tilts(graph, azimuths)
+    tilts = critical_tilts(graph, azimuths, friction)
     weakest = int(np.argmin(tilts))
+    if friction > 0.0:
+        found = tilt_bracket(rubbing(graph, friction), float(azimuths[weakest]), tilts[weakest])
+        return tilts[weakest], found.critical_rad
     scene = tilt_scene(graph.assembly, contact_model(graph.assembly, graph.contacts))
     return tilts[weakest], physical_tilt(scene, graph, float(azimuths[weakest])).critical_rad
 
@@ -199,12 +257,29 @@ def words(variant: Variant) -> str:
     free = sum(i.assemblable for i in insertions)
     one_way = " (each along one direction)" if variant.goes_in and free < len(insertions) else ""
     tilt = "" if variant.tilt_rad is None else f"; stands up to a tilt of {degrees(variant.tilt_rad)}"
-    measured = "" if variant.physics_tilt_rad is None else f" (MuJoCo {degrees(variant.physics_tilt_rad)})"
+    engine = "friction engine" if variant.friction else "MuJoCo"
+    measured = "" if variant.physics_tilt_rad is None else f" ({engine} {degrees(variant.physics_tilt_rad)})"
     deadlock = "; deadlocked: no part can leave" if variant.deadlocked else ""
+    curved = sum(not j.is_planar for j in variant.joints)
+    joints = f"{curved} curved joints, {heights_m(variant) * 1e3:.0f} mm high in all; "
     return (
-        f"{variant.name}: statics {'stands' if variant.verification.stands else 'falls'}, MuJoCo {physics}{tilt}"
+        f"{variant.name}: {joints if curved else ''}statics {_by_statics(variant)}, {engine} {physics}{tilt}"
         f"{measured}; {free} of {len(insertions)} parts go in as asked{one_way}{deadlock}"
     )
+
+
+def heights_m(variant: Variant) -> float:
+    """Return the heights of all curved joints, added up, metres."""
+    from mocca_robot.report.joints_section import height_of
+
+    return sum(height_of(j) for j in variant.joints if not j.is_planar)
+
+
+def _by_statics(variant: Variant) -> str:
+    cases = [c for c in variant.verification.cases if not c.result.stands]
+    if not cases:
+        return "stands"
+    return "stands only clamped" if all(c.only_clamped for c in cases) else "falls"
 
 
 def _data(variant: Variant) -> dict[str, Any]:
@@ -214,6 +289,10 @@ def _data(variant: Variant) -> dict[str, Any]:
 
     return {
         "name": variant.name,
+        "friction": variant.friction,
+        "curved_joints": sum(not j.is_planar for j in variant.joints),
+        "heights_mm": heights_m(variant) * 1e3,
+        "verdict": _by_statics(variant),
         "cases": reasons.cases_data(variant.verification.cases),
         "insertions": reasons.insertions_data(variant.verification.insertions),
         "physics_stands": variant.physics_stands,

@@ -32,9 +32,11 @@ class Variant:
         name: 'planar', 'single direction', 'cone joints', …
         assembly: built geometry; verification: what statics and geometry say about it.
         joints, insertion: drawn in 2D.
-        physics_stands: MuJoCo's verdict on the finished state; None when not simulated.
+        friction: Coulomb coefficient of every verdict.
+        physics_stands: MuJoCo's verdict on the finished state, with friction the friction engine's; None when there is
+            none.
         tilt_rad: critical tilt by statics, the smallest over azimuths; None when not computed.
-        physics_tilt_rad: the same in MuJoCo.
+        physics_tilt_rad: the same in physics.
         goes_in: every part can be inserted in sequence along at least one direction; None when not checked.
         deadlocked: no part can leave the finished structure while the others stay; None when not checked.
         remarks: shown below the picture.
@@ -45,6 +47,7 @@ class Variant:
     verification: Verification
     joints: tuple[Joint, ...] = ()
     insertion: tuple[Insertion, ...] = ()
+    friction: float = 0.0
     physics_stands: bool | None = None
     tilt_rad: float | None = None
     physics_tilt_rad: float | None = None
@@ -101,7 +104,10 @@ def _panels(variants: Sequence[Variant]) -> str:
 def _stands(variant: Variant) -> str:
     if any(c.result.status == "inaccurate" for c in variant.verification.cases):
         return badge("warn", "inaccurate")
-    return badge("ok", "stands") if variant.verification.stands else badge("bad", "falls")
+    if variant.verification.stands:
+        return badge("ok", "stands")
+    clamped = all(c.only_clamped for c in variant.verification.cases if not c.result.stands)
+    return badge("bad", "stands only clamped" if clamped else "falls")
 
 
 def _disagrees(variant: Variant) -> bool:
@@ -151,9 +157,10 @@ def _verdicts(variants: Sequence[Variant]) -> str:
         locked = _flag(v.deadlocked, "deadlocked", "free", "not checked", good=False)
         cells = [esc(v.name), _stands(v), significant(largest, 2), physics, tilt, goes_in, cone, asked, locked]
         rows.append(cells)
+    physics = "Physics" if any(v.friction for v in variants) else "MuJoCo"
     head = (
-        "Variant", "Statics", "Largest E", "MuJoCo", "Critical tilt (statics / MuJoCo)", "Assembly", "Narrowest cone",
-        "Asked", "Deadlock",
+        "Variant", "Statics", "Largest E", physics, f"Critical tilt (statics / {physics})", "Assembly",
+        "Narrowest cone", "Asked", "Deadlock",
     )  # fmt: skip
     return table(head, rows, caption="Every verdict on every variant", numeric=(2,))
 

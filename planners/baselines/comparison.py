@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +36,7 @@ class Joinery:
         joints: one per contact of the input.
         insertion: the way in of every free part that has one.
         remarks: what a reader should know.
+        friction: Coulomb coefficient to judge it with.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Joinery:
     joints: tuple[Joint, ...]
     insertion: tuple[Insertion, ...]
     remarks: tuple[str, ...] = ()
+    friction: float = 0.0
 
 
 def joineries(
@@ -75,6 +77,33 @@ def joineries(
         ways = {assembly.index(i.part): -i.direction for i in done.insertion}
         tilted, ways = tilted_tenons(done.joints, ways)
         result.append(_joined("tilted mortise and tenon", assembly, tilted, ways))
+    return tuple(result)
+
+
+def designs_with_friction(
+    assembly: Assembly,
+    frictions: Sequence[float],
+    options: JointOptions | None = None,
+    *,
+    contacts: ContactReport | None = None,
+    progress: Progress | None = None,
+) -> tuple[Joinery, ...]:
+    """Return cone joints for every Coulomb coefficient, each designed to count on it; not yet judged.
+
+    Raises InputError like `design`.
+    """
+    report = contacts or find_contacts(assembly)
+    require_sound(assembly, report)
+    result = []
+    for friction in frictions:
+        asked = replace(options or JointOptions(), friction=friction)
+        designed = design_as_asked(assembly, asked, contacts=report, progress=progress)
+        done = designed.design
+        missed = () if designed.achieved else ("The design search did not reach every goal; this is where it ended.",)
+        counts = () if done.friction is None else (f"The design {done.friction.words}.",)
+        named = f"friction {friction:g}"
+        remarks = (*missed, *counts, *done.notes)
+        result.append(Joinery(named, done.assembly, done.joints, done.insertion, remarks, friction))
     return tuple(result)
 
 
