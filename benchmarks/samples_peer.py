@@ -15,7 +15,7 @@ from compas_cra.equilibrium import cra_solve, density_setup
 
 request = json.load(sys.stdin)
 path = Path(compas_cra.__file__).parent / "data" / "samples" / f"{request['sample']}.json"
-with redirect_stdout(open(os.devnull, "w")):
+with redirect_stdout(open(os.devnull, "w", encoding="utf-8")):
     assembly = compas.json_load(path).copy(cls=CRA_Assembly)
     assembly.set_boundary_conditions(request["fixed"])
     if request["heavy"]:

@@ -86,13 +86,8 @@ def run(args: argparse.Namespace) -> int:
     from mocca_robot.report.comparison import write_comparison
 
     console = Console(args.json)
-<<<<<<< HEAD
     config = arguments.read(args, console)
-=======
-    with console.stage("read"):
-        config = arguments.load(args)
     frictions = _frictions(args.friction)
->>>>>>> 99938c4 (compare --friction: designs that count on different friction side by side)
     folder = arguments.output_folder(args, config.assembly.name)
     contacts = stages.read_contacts(config.assembly, console)
     with console.stage("design") as show:
