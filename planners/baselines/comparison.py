@@ -103,7 +103,8 @@ def designs_with_friction(
         counts = () if done.friction is None else (f"The design {done.friction.words}.",)
         named = f"friction {friction:g}"
         remarks = (*missed, *counts, *done.notes)
-        result.append(Joinery(named, done.assembly, done.joints, done.insertion, remarks, friction))
+        made = Joinery(named, done.assembly, done.joints, done.insertion, remarks)
+        result.append(replace(made, friction=friction))
     return tuple(result)
 
 
