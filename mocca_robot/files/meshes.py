@@ -11,6 +11,7 @@ import numpy as np
 from mocca_robot.arrays import Array, IntArray
 from mocca_robot.errors import InputError, nearest
 from mocca_robot.files.bodies import MeshObject, NamedMesh, parts_of
+from mocca_robot.files.fields import LARGEST
 from mocca_robot.files.mending import repaired
 
 METRES_PER = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
@@ -113,7 +114,17 @@ def _factor(path: Path, units: str | None, declared: float | None = None) -> flo
 
 
 def _objects(path: Path, units: str | None) -> list[MeshObject]:
-    """Return the objects of a file, in metres."""
+    """Return the objects of a file, in metres, every number of a size that can be worked with."""
+    found = _objects_as_written(path, units)
+    for thing in found:
+        if not (np.abs(thing.vertices) < LARGEST).all():
+            raise InputError(
+                f"{path}: '{thing.name}' has coordinates that are no numbers, or too large; export it again."
+            )
+    return found
+
+
+def _objects_as_written(path: Path, units: str | None) -> list[MeshObject]:
     suffix = path.suffix.lower()[1:]
     if not path.is_file():
         raise InputError(f"Mesh file '{path}' does not exist.")

@@ -12,6 +12,7 @@ from mocca_robot.arrays import Array, IntArray
 from mocca_robot.assembly import Mesh
 from mocca_robot.errors import InputError
 from mocca_robot.files.documents import decoded
+from mocca_robot.files.fields import LARGEST
 from mocca_robot.geometry.polygon_cut import triangulated
 
 _TYPES = {
@@ -71,13 +72,11 @@ def _read(content: bytes) -> tuple[Array, IntArray, IntArray]:
         if name == "vertex":
             vertices = np.stack([np.asarray(columns[names.index(axis)], dtype=np.float64) for axis in "xyz"], axis=1)
         elif name == "face":
-            polygons = [
-                list(map(int, corners)) for corners in columns[next(names.index(n) for n in _LISTS if n in names)]
-            ]
+            polygons = [list(map(int, corners)) for corners in columns[_corner_list(names)]]
     if not polygons:
         raise ValueError("it holds no faces")
-    if not np.isfinite(vertices).all():
-        raise ValueError("a coordinate is no number")
+    if not (np.abs(vertices) < LARGEST).all():
+        raise ValueError(f"a coordinate is no number below {LARGEST:g}")
     least, most = min(min(p, default=0) for p in polygons), max(max(p, default=0) for p in polygons)
     if least < 0 or most >= len(vertices):
         raise ValueError(
@@ -85,6 +84,14 @@ def _read(content: bytes) -> tuple[Array, IntArray, IntArray]:
         )
     triangles, polygon = triangulated(vertices, polygons)
     return vertices, triangles, polygon
+
+
+def _corner_list(names: list[str]) -> int:
+    """Return which property of faces lists their corners."""
+    for name in _LISTS:
+        if name in names:
+            return names.index(name)
+    raise ValueError(f"its faces have no {_LISTS[0]}")
 
 
 def _header(text: str) -> tuple[str, list[Element]]:

@@ -12,6 +12,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import Mesh
 from mocca_robot.errors import EnvironmentNeeded, InputError
 from mocca_robot.files.bodies import MeshObject
+from mocca_robot.files.native import Piece, read_apart, require_package, unpacked
 from mocca_robot.geometry.polygon_cut import triangulated
 
 MAX_DEPTH, MAX_PIECES = 20, 20_000
@@ -34,14 +35,25 @@ def read_3dm(path: Path) -> tuple[list[MeshObject], float | None]:
     Objects are named as in Rhino, else by their block, else by their layer. Hidden objects and layers are left out.
     Raises EnvironmentNeeded without rhino3dm, InputError for files and objects that hold no mesh.
     """
-    rhino = _package(path)
+    require_package("rhino3dm", "rhino", path, "OBJ, one object per part")
+    pieces, unit, notes = unpacked(read_apart("3dm", path))
+    return [MeshObject(*p, (), tuple(notes) if k == 0 else ()) for k, p in enumerate(pieces)], unit
+
+
+def pieces_of(path: Path) -> tuple[list[Piece], float | None, list[str]]:
+    """Return names, vertices and triangles of what `read_3dm` reads, metres per unit, and notes; a damaged file can end
+    the process, or keep it busy for ever: call it in one of its own.
+    """
+    import rhino3dm
+
+    rhino: Any = rhino3dm
     file = rhino.File3dm.Read(str(path))
     if file is None:
         raise InputError(f"'{path}' cannot be read as 3DM; open it in Rhino and save it again (Rhino 5 or later).")
     definitions = {str(d.Id): d for d in file.InstanceDefinitions}
     placed = {i for d in definitions.values() for i in map(str, d.GetObjectIds())}
     by_id = {str(o.Attributes.Id): o for o in file.Objects}
-    found: list[MeshObject] = []
+    found: list[Piece] = []
     dropped: list[str] = []
 
     def walk(thing: Any, transform: Array, name: str, depth: int) -> None:
@@ -63,7 +75,7 @@ def read_3dm(path: Path) -> tuple[list[MeshObject], float | None]:
             vertices = points @ transform[:3, :3].T + transform[:3, 3]
             triangles, _ = triangulated(vertices, polygons)
             mirrored = np.linalg.det(transform[:3, :3]) < 0.0
-            found.append(MeshObject(own, vertices, triangles[:, ::-1] if mirrored else triangles))
+            found.append((own, vertices, triangles[:, ::-1] if mirrored else triangles))
 
     hidden = 0
     for thing in file.Objects:
@@ -84,14 +96,15 @@ def read_3dm(path: Path) -> tuple[list[MeshObject], float | None]:
     if dropped:
         more = f" and {len(dropped) - 6} more" if len(dropped) > 6 else ""
         notes.append(f"left out, as they hold no mesh: {', '.join(dropped[:6])}{more}")
-    first = found[0]
-    found[0] = MeshObject(first.name, first.vertices, first.triangles, (), tuple(notes))
-    return found, UNITS.get(file.Settings.ModelUnitSystem.name)
+    return found, UNITS.get(file.Settings.ModelUnitSystem.name), notes
 
 
 def write_3dm(names: Sequence[str], meshes: Sequence[Mesh], path: Path) -> Path:
     """Return `path` after writing the parts there, in metres and double precision, by name."""
-    rhino = _package(path)
+    require_package("rhino3dm", "rhino", path, "OBJ")
+    import rhino3dm
+
+    rhino: Any = rhino3dm
     file = rhino.File3dm()
     file.Settings.ModelUnitSystem = rhino.UnitSystem.Meters
     for name, mesh in zip(names, meshes, strict=True):
@@ -145,14 +158,3 @@ def _mesh(mesh: Any) -> tuple[Array, list[list[int]]]:
 
 def _matrix(xform: Any) -> Array:
     return np.array([[getattr(xform, f"M{r}{c}") for c in range(4)] for r in range(4)], dtype=np.float64)
-
-
-def _package(path: Path) -> Any:
-    try:
-        import rhino3dm
-    except ImportError:
-        raise EnvironmentNeeded(
-            f"'{path}' is a Rhino file; it needs the package rhino3dm: pip install 'mocca-robot[rhino]'. Or use OBJ, "
-            "one object per part."
-        ) from None
-    return rhino3dm

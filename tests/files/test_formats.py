@@ -18,9 +18,12 @@ from mocca_robot.assembly import Assembly, Mesh, Part, StatedInterface
 from mocca_robot.config.config import load
 from mocca_robot.contacts.find import find_contacts
 from mocca_robot.errors import InputError
+from mocca_robot.files import rhino, step
 from mocca_robot.files.compas_write import write_compas
 from mocca_robot.files.mesh_write import write_glb, write_part
 from mocca_robot.files.meshes import FORMATS, read_parts
+from mocca_robot.files.native import packed
+from mocca_robot.files.rhino import write_3dm
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import load_cases
@@ -149,6 +152,8 @@ def written(assembly: Assembly, suffix: str, folder: Path) -> Path:
     meshes = [p.shape for p in assembly.parts if isinstance(p.shape, Mesh)]
     if suffix == "glb":
         return write_glb(assembly, folder / "a.glb")
+    if suffix == "3dm":
+        return write_3dm(assembly.sequence, meshes, folder / "a.3dm")
     (folder / suffix).mkdir()
     for part, mesh in zip(assembly.parts, meshes):
         write_part(mesh, folder / suffix / f"{part.name}.{suffix}", units="mm" if suffix == "stl" else "m")
@@ -213,7 +218,16 @@ def test_a_motion_a_unit_and_another_order_change_no_verdict(suffix: str, tmp_pa
     assert expected is not None and len(expected[1]) == 5 and expected[2] == [True]
 
 
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
+    """Read sound files without a process for each, but for the first seed."""
+    if request.node.callspec.params["seed"]:
+        monkeypatch.setattr(step, "read_apart", lambda kind, path: step.glb_of(path))
+        monkeypatch.setattr(rhino, "read_apart", lambda kind, path: packed(*rhino.pieces_of(path)))
+
+
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.usefixtures("in_this_process")
 def test_step_assemblies_keep_names_places_and_units(tmp_path: Path, seed: int) -> None:
     pytest.importorskip("cascadio")
     rng = np.random.default_rng(seed)
@@ -238,39 +252,40 @@ def test_step_assemblies_keep_names_places_and_units(tmp_path: Path, seed: int) 
 
 def test_what_is_no_step_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("cascadio")
-    for content in (b"", b"whatever", b"ISO-10303-21;\nHEADER;\n", STEP.read_bytes()[:9000]):
+    for content in (b"", b"whatever", STEP.read_bytes()[:9000]):
         (tmp_path / "a.step").write_bytes(content)
-        with pytest.raises(InputError, match=r"cannot be read as STEP|holds no triangles"):
+        with pytest.raises(InputError, match=r"cannot be read as STEP|cannot be read as GLB|holds no triangles"):
             read_parts(tmp_path / "a.step")
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.usefixtures("in_this_process")
 def test_rhino_files_keep_names_units_blocks_and_layers(tmp_path: Path, seed: int) -> None:
-    rhino = pytest.importorskip("rhino3dm")
+    package = pytest.importorskip("rhino3dm")
     rng = np.random.default_rng(seed)
     unit, metres = (("Millimeters", 1e-3), ("Centimeters", 1e-2), ("Meters", 1.0), ("Inches", 0.0254))[seed % 4]
     size = float(rng.uniform(0.05, 2.0)) / metres
-    file = rhino.File3dm()
-    file.Settings.ModelUnitSystem = getattr(rhino.UnitSystem, unit)
-    hidden = rhino.Layer()
+    file = package.File3dm()
+    file.Settings.ModelUnitSystem = getattr(package.UnitSystem, unit)
+    hidden = package.Layer()
     hidden.Name, hidden.Visible = "construction", False
-    shown = rhino.Layer()
+    shown = package.Layer()
     shown.Name = "Sockel"
     layers = [file.Layers.Add(layer) for layer in (shown, hidden)]
 
     def mesh(shift: float) -> Any:
-        made = rhino.Mesh()
+        made = package.Mesh()
         for v in CUBE.vertices.tolist():
             made.Vertices.Add(*v)
         made.Vertices.UseDoublePrecisionVertices = True
         for k, (x, y, z) in enumerate((size * (CUBE.vertices + np.array([shift, 0, 0]))).tolist()):
-            made.Vertices.SetPoint3dAt(k, rhino.Point3d(x, y, z))
+            made.Vertices.SetPoint3dAt(k, package.Point3d(x, y, z))
         for q in QUADS:
             made.Faces.AddFace(*q)
         return made
 
     for name, layer, shift in (("Stück 1", layers[0], 0.0), ("", layers[0], 2.0), ("helper", layers[1], 4.0)):
-        attributes = rhino.ObjectAttributes()
+        attributes = package.ObjectAttributes()
         attributes.Name, attributes.LayerIndex = name, layer
         file.Objects.AddMesh(mesh(shift), attributes)
     file.Write(str(tmp_path / "a.3dm"), 7)
@@ -354,3 +369,13 @@ def test_ifc_has_every_part_by_name_with_its_volume_and_mass(tmp_path: Path) -> 
         assert element.Name == part.name and mesh.volume == pytest.approx(part.shape.volume, rel=1e-12)
         assert properties.Name == PROPERTIES and values["Fixed"] is part.fixed
         assert values["Mass"] == pytest.approx(part.mass) and values["Step"] == assembly.index(part.name)
+
+
+def test_a_file_that_ends_its_reader_is_an_error_like_any_other(tmp_path: Path) -> None:
+    pytest.importorskip("rhino3dm")
+    path = write_3dm(["cube"], [CUBE], tmp_path / "a.3dm")
+    content = path.read_bytes()
+    for broken in (b"", content[: len(content) // 2], bytes(len(content))):
+        path.write_bytes(broken)
+        with pytest.raises(InputError, match=r"a\.3dm"):
+            read_parts(path)
