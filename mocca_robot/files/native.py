@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import io
 import json
@@ -33,12 +34,15 @@ def require_package(package: str, extra: str, path: Path, instead: str) -> None:
         )
 
 
-def read_apart(kind: str, path: Path) -> bytes:
-    """Return what `kind`, 'step' or '3dm', makes of a file in a process of its own. Raises InputError if it fails."""
+def read_apart(kind: str, path: Path, module: str) -> bytes:
+    """Return what `module.converted(path)` gives in a process of its own, for a file of `kind`, 'step' or '3dm'.
+
+    Raises InputError if it fails.
+    """
     told = f"'{path}' cannot be read as {kind.upper()}"
     with tempfile.TemporaryDirectory(prefix="mocca-read-") as folder:
         out = Path(folder) / "out"
-        command = [sys.executable, "-m", "mocca_robot.files.native", kind, str(path.resolve()), str(out)]
+        command = [sys.executable, "-m", "mocca_robot.files.native", kind, str(path.resolve()), str(out), module]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
         try:
             done = subprocess.run(command, capture_output=True, timeout=2 * SECONDS[kind], env=environment, check=False)
@@ -81,20 +85,10 @@ def _limit(kind: str) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
 
-def _read(kind: str, path: Path) -> bytes:
-    if kind == "step":
-        from mocca_robot.files.step import glb_of
-
-        return glb_of(path)
-    from mocca_robot.files.rhino import pieces_of
-
-    return packed(*pieces_of(path))
-
-
 if __name__ == "__main__":
     _limit(sys.argv[1])
     target = Path(sys.argv[3])
     try:
-        target.write_bytes(_read(sys.argv[1], Path(sys.argv[2])))
+        target.write_bytes(importlib.import_module(sys.argv[4]).converted(Path(sys.argv[2])))
     except MoccaError as error:
         target.with_suffix(".error").write_text(str(error), encoding="utf-8")

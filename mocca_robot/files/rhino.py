@@ -12,7 +12,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import Mesh
 from mocca_robot.errors import EnvironmentNeeded, InputError
 from mocca_robot.files.bodies import MeshObject
-from mocca_robot.files.native import Piece, read_apart, require_package, unpacked
+from mocca_robot.files.native import Piece, packed, read_apart, require_package, unpacked
 from mocca_robot.geometry.polygon_cut import triangulated
 
 MAX_DEPTH, MAX_PIECES = 20, 20_000
@@ -36,8 +36,13 @@ def read_3dm(path: Path) -> tuple[list[MeshObject], float | None]:
     Raises EnvironmentNeeded without rhino3dm, InputError for files and objects that hold no mesh.
     """
     require_package("rhino3dm", "rhino", path, "OBJ, one object per part")
-    pieces, unit, notes = unpacked(read_apart("3dm", path))
+    pieces, unit, notes = unpacked(read_apart("3dm", path, __name__))
     return [MeshObject(*p, (), tuple(notes) if k == 0 else ()) for k, p in enumerate(pieces)], unit
+
+
+def converted(path: Path) -> bytes:
+    """Return what `pieces_of` reads, packed."""
+    return packed(*pieces_of(path))
 
 
 def pieces_of(path: Path) -> tuple[list[Piece], float | None, list[str]]:

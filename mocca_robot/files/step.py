@@ -22,10 +22,10 @@ def read_step(path: Path) -> list[tuple[str, Array, IntArray]]:
     require_package("cascadio", "step", path, "OBJ or 3MF, one object per part")
     if not path.read_bytes()[:1000].lstrip().startswith(b"ISO-10303-21"):
         raise InputError(f"'{path}' cannot be read as STEP: it does not begin with 'ISO-10303-21'. Export it again.")
-    return read_glb(read_apart("step", path), f"'{path}'")
+    return read_glb(read_apart("step", path, __name__), f"'{path}'")
 
 
-def glb_of(path: Path) -> bytes:
+def converted(path: Path) -> bytes:
     """Return a STEP file as GLB, by Open CASCADE, which a damaged file can end: call it in a process of its own."""
     import cascadio
 

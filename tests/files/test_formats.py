@@ -22,7 +22,6 @@ from mocca_robot.files import rhino, step
 from mocca_robot.files.compas_write import write_compas
 from mocca_robot.files.mesh_write import write_glb, write_part
 from mocca_robot.files.meshes import FORMATS, read_parts
-from mocca_robot.files.native import packed
 from mocca_robot.files.rhino import write_3dm
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_case
@@ -222,8 +221,8 @@ def test_a_motion_a_unit_and_another_order_change_no_verdict(suffix: str, tmp_pa
 def in_this_process(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
     """Read sound files without a process for each, but for the first seed."""
     if request.node.callspec.params["seed"]:
-        monkeypatch.setattr(step, "read_apart", lambda kind, path: step.glb_of(path))
-        monkeypatch.setattr(rhino, "read_apart", lambda kind, path: packed(*rhino.pieces_of(path)))
+        for module in (step, rhino):
+            monkeypatch.setattr(module, "read_apart", lambda kind, path, name, m=module: m.converted(path))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
