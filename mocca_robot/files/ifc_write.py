@@ -21,41 +21,33 @@ def write_ifc(assembly: Assembly, path: Path) -> Path:
     whether it is fixed as properties. Raises EnvironmentNeeded without ifcopenshell.
     """
     try:
-        import ifcopenshell
-        import ifcopenshell.api.aggregate
-        import ifcopenshell.api.context
-        import ifcopenshell.api.project
-        import ifcopenshell.api.pset
-        import ifcopenshell.api.root
-        import ifcopenshell.api.spatial
-        import ifcopenshell.api.unit
+        from ifcopenshell.api import aggregate, context, project, pset, root, spatial, unit
     except ImportError:
         raise EnvironmentNeeded(
             "Writing IFC needs the package ifcopenshell: pip install 'mocca-robot[ifc]'. Or export obj, and convert it."
         ) from None
-    api = ifcopenshell.api
-    file = api.project.create_file(version="IFC4")
-    project = api.root.create_entity(file, ifc_class="IfcProject", name=assembly.name)
-    api.unit.assign_unit(file, length={"is_metric": True, "raw": "METERS"})
-    model = api.context.add_context(file, context_type="Model")
-    body = api.context.add_context(
+    file = project.create_file(version="IFC4")
+    top = root.create_entity(file, ifc_class="IfcProject", name=assembly.name)
+    unit.assign_unit(file, length={"is_metric": True, "raw": "METERS"})
+    model = context.add_context(file, context_type="Model")
+    body = context.add_context(
         file, context_type="Model", context_identifier="Body", target_view="MODEL_VIEW", parent=model
     )
     places = [
-        api.root.create_entity(file, ifc_class=kind, name=name)
+        root.create_entity(file, ifc_class=kind, name=name)
         for kind, name in (("IfcSite", "Site"), ("IfcBuilding", assembly.name), ("IfcBuildingStorey", "Ground"))
     ]
-    for above, below in zip((project, *places), places):
-        api.aggregate.assign_object(file, products=[below], relating_object=above)
+    for above, below in zip((top, *places), places):
+        aggregate.assign_object(file, products=[below], relating_object=above)
     elements = []
     for step, part in enumerate(assembly.parts):
-        element = api.root.create_entity(file, ifc_class="IfcBuildingElementProxy", name=part.name)
+        element = root.create_entity(file, ifc_class="IfcBuildingElementProxy", name=part.name)
         _shape(file, element, part, body)
-        properties = api.pset.add_pset(file, product=element, name=PROPERTIES)
+        properties = pset.add_pset(file, product=element, name=PROPERTIES)
         values = {"Step": step, "Fixed": bool(part.fixed), "Density": float(part.density), "Mass": float(part.mass)}
-        api.pset.edit_pset(file, pset=properties, properties=values)
+        pset.edit_pset(file, pset=properties, properties=values)
         elements.append(element)
-    api.spatial.assign_container(file, products=elements, relating_structure=places[-1])
+    spatial.assign_container(file, products=elements, relating_structure=places[-1])
     path.write_bytes(file.to_string().encode("utf-8"))
     return path
 
