@@ -48,7 +48,7 @@ $(STAMP): pyproject.toml
 	@touch $(STAMP)
 
 demo: setup
-	@$(BIN)/mocca-robot run configs/leaning_tower_20.yaml -o out/leaning_tower_20; status=$$?; \
+	@$(BIN)/mocca-robot run configs/leaning_tower_20.yaml --quick -o out/leaning_tower_20; status=$$?; \
 		echo "Open $(CURDIR)/out/leaning_tower_20/report.html"; exit $$status
 
 # All three even when one fails, so that one run tells everything; pytest's closing line comes last.

@@ -39,6 +39,13 @@ def add(commands: Any) -> None:
 def add_questions(parser: argparse.ArgumentParser) -> None:
     """Add what can be asked of physics."""
     group = parser.add_argument_group("physics")
+    depth = group.add_mutually_exclusive_group()
+    depth.add_argument(
+        "--quick",
+        action="store_true",
+        help="only --states: seconds, not minutes; tilts and insertions by statics alone",
+    )
+    depth.add_argument("--thorough", action="store_true", help="everything, --robust included: many minutes")
     group.add_argument("--states", action="store_true", help="let go of every intermediate assembly of the sequence")
     group.add_argument(
         "--tilt",
@@ -71,6 +78,12 @@ def questions(args: argparse.Namespace, config: Any) -> Questions:
         "robust": args.robust,
     }
     stages = tuple(name for name, wanted in asked.items() if wanted)
+    if stages and (args.quick or args.thorough):
+        named = "--quick" if args.quick else "--thorough"
+        other = "insert" if stages[0] == "insertion" else stages[0]
+        raise InputError(f"{named} says what is asked; leave out --{other}.")
+    if args.quick or args.thorough:
+        stages = tuple(asked) if args.thorough else ("states",)
     if args.threads is not None and args.threads < 1:
         raise InputError(f"--threads is {args.threads}; give at least 1.")
 

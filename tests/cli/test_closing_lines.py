@@ -1,15 +1,18 @@
 """The closing line tells physics' verdicts; what it holds against a design is what the report says, word for word."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from mocca_robot.assembly import Assembly, Equilibrium, Part, Polygon, SupportFree
 from mocca_robot.cli.closing_lines import document, physics_words
+from mocca_robot.cli.console import Pace
 from mocca_robot.cli.reasons import physics_findings
 from mocca_robot.cli.stages import DesignOutcome
 from mocca_robot.design import Design
+from mocca_robot.errors import InputError
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.report.data import ReportData, collect
 from mocca_robot.report.findings import disagreements
@@ -24,6 +27,8 @@ from mocca_robot.verdicts.physics import (
     TiltVerdict,
     Verdict,
 )
+
+CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def tilt(
@@ -130,3 +135,30 @@ def test_insertions_that_were_not_tried_are_not_counted() -> None:
     part = PartInsertion(part="b", axis=(0.0, 1.0), realised_rad=0.1, tried_rad=0.1, friction=0.0)
     begun = dataclasses.replace(simulation(tilt(12.5, 12.5, 0.0)), insertion=(part,), interrupted=True)
     assert "insertions" not in physics_words(begun) and "falls at a tilt" in physics_words(begun)
+
+
+def test_quick_and_thorough_say_what_physics_is_asked() -> None:
+    from argparse import ArgumentParser
+
+    from mocca_robot.cli import simulate
+    from mocca_robot.config.config import load
+
+    parser = ArgumentParser()
+    simulate.add_questions(parser)
+    config = load(CONFIGS / "stack.yaml")
+
+    def stages(*words: str) -> tuple[str, ...]:
+        return simulate.questions(parser.parse_args(words), config).stages
+
+    assert stages("--quick") == ("states",)
+    assert set(stages("--thorough")) == {*stages(), "robust"}
+    with pytest.raises(InputError, match="leave out --insert"):
+        stages("--quick", "--insert")
+
+
+def test_the_rest_is_estimated_once_a_tenth_is_done() -> None:
+    pace = Pace()
+    assert [pace.left(done, 40) for done in (1, 2)] == ["", ""]
+    assert "left" in pace.left(10, 40)
+    assert pace.left(40, 40) == ""
+    assert pace.left(1, 500) == ""  # another piece of work

@@ -22,6 +22,7 @@ SCARECROW = str(ROOT / "configs" / "scarecrow.yaml")
     ("module", "extra", "arguments"),
     [
         ("viser", "viewer", ["view", SCARECROW, "--export", "page.html"]),
+        ("starlette", "studio", ["studio", "--no-browser"]),
         ("imageio_ffmpeg", "film", ["simulate", SCARECROW, "--states", "--film", "film.mp4"]),
         ("rtde_control", "robot", ["execute", "plan.json", "--robot", "127.0.0.1", "--confirm", "2022"]),
         ("typst", "manual", ["check", SCARECROW, "--picture", "picture.png"]),
