@@ -114,7 +114,9 @@ def test_a_corner_is_dragged_and_everything_follows(watched: Watched) -> None:
     page.keyboard.press("e")
     page.wait_for_selector("#flat .handle")
     before = page.locator("#flat .handle").count()
-    x, y = at(page, "#flat .handle >> nth=20")
+    middle = at(page, "#flat")
+    handles = [at(page, f"#flat .handle >> nth={k}") for k in range(before)]
+    x, y = min(handles, key=lambda p: abs(p[0] - middle[0]) + abs(p[1] - middle[1] + 60))
     drag(page, (x, y), (x + 3, y - 4))
     page.wait_for_selector("#undo[title='Undo corner moved']")
     settled(page)

@@ -49,6 +49,7 @@ def compute(data: Mapping[str, Any], source: Path, folder: Path, tell: Tell) -> 
     tell("input", {**_understood(config, graph, report), "seconds": time.perf_counter() - started})
     require_sound(config.assembly, report)
     require_friction(config)
+    tell("progress", {"what": "judging the input", "worst": None, "seconds": 0.0})
     before = verify(config.assembly, directions=dict(config.insertion) or None)
     tell(
         "before",

@@ -62,7 +62,7 @@ const stage = () => {
 listen((what) => {
   if (what.has("opened")) { settings.forget(); flat.fit(); solid.fit(); }
   if (what.has("motion")) sequence.playMotion();
-  if (what.has("refused")) { $("letgo").disabled = false; }
+  if (what.has("refused")) { $("letgo").disabled = false; dialogs.toast(state.refused); }
   if (what.has("result") || what.has("before")) sequence.tiltAgain();
   const still = [...what].every((w) => w === "view" || w === "motionframe" || w === "drag");
   if (!still) {

@@ -10,7 +10,7 @@ export const toast = (text) => {
   box.textContent = text;
   box.hidden = false;
   clearTimeout(toast.timer);
-  toast.timer = setTimeout(() => { box.hidden = true; }, 5000);
+  toast.timer = setTimeout(() => { box.hidden = true; }, 8000);
 };
 
 export const load = async () => {

@@ -2,6 +2,7 @@
 import { state, changed, assembly, parts, showsResult, verdicts, currentCase, arrival, freeParts, insertionOf, post, flatly } from "./state.js";
 
 const SVG = "http://www.w3.org/2000/svg";
+const CORNER = 0.3;  // radians by which an outline turns at a corner; less is a curve drawn with straight edges
 const FORCE = 0.12, WEDGE = 0.075, APPROACH = 0.35;
 const view = { scale: 0, x: 0, y: 0, fitted: null };
 let svg = null, dragging = null;
@@ -109,7 +110,7 @@ export const draw = () => {
     if (state.layers.cones || picked?.part !== undefined) picture.append(cones());
     const shown = currentCase();
     if (shown?.stands && state.layers.forces) picture.append(forces(shown));
-    if (shown && !shown.stands && state.layers.collapse) picture.append(collapse(shown, shapes));
+    if (shown && !shown.stands && state.layers.collapse && !state.layers.corners) picture.append(collapse(shown, shapes));
   }
   if (state.layers.names) all.forEach((part, k) => poses[k] && picture.append(moved(k, name(part, k, shapes[k]))));
   if (state.layers.corners) picture.append(corners(shapes));
@@ -209,8 +210,11 @@ const cones = () => {
 
 const corners = (shapes) => {
   const group = make("g"), seen = new Map(), near = 1e-4 * assembly().size;
-  shapes.forEach((rings) => rings.forEach((ring) => ring.forEach((p) => {
-    seen.set(p.map((v) => Math.round(v / near)).join(","), p);
+  // Points along a curve are no corners, except where another part has the same one.
+  const key = (p) => p.map((v) => Math.round(v / near)).join(","), owners = new Map();
+  shapes.forEach((rings, k) => rings.forEach((ring) => ring.forEach((p) => owners.set(key(p), (owners.get(key(p)) || new Set()).add(k)))));
+  shapes.forEach((rings) => rings.forEach((ring) => ring.forEach((p, n) => {
+    if (turning(ring, n) > CORNER || owners.get(key(p)).size > 1) seen.set(key(p), p);
   })));
   let number = 0;
   for (const p of seen.values()) {
@@ -220,13 +224,18 @@ const corners = (shapes) => {
   }
   return group;
 };
+const turning = (ring, n) => {
+  const [a, b, c] = [ring.at(n - 1), ring[n], ring[(n + 1) % ring.length]];
+  const by = Math.atan2(c[1] - b[1], c[0] - b[0]) - Math.atan2(b[1] - a[1], b[0] - a[0]);
+  return Math.abs(Math.atan2(Math.sin(by), Math.cos(by)));
+};
 const words = (p) => `${p.map((v) => (v / state.input.unit_m).toPrecision(5) * 1).join(", ")} ${state.input.unit}`;
 
 const move = async (corner, to) => {
   if (Math.hypot(corner[0] - to[0], corner[1] - to[1]) < 1e-9) return;
   const answer = await post("corner", { corner, to });
   dragging = null;
-  if (!answer.ok) changed("refused", { text: answer.error });
+  if (!answer.ok) { state.refused = answer.error; changed("refused"); }
   changed("drag");
 };
 

@@ -15,7 +15,7 @@ const WORDS = {
   "joints.min_distance": "Least distance", "joints.friction": "Friction the design counts on",
   "joints.friction_safety": "Safety on friction", density: "Density", thickness: "Thickness", friction: "Friction for analysis",
   gravity: "Gravity", material: "Material", "simulate.friction": "Friction in physics", "simulate.azimuths": "Tilt directions",
-  "joints.piecewise_planar": "Flat flanks only",
+  "joints.piecewise_planar": "Flat flanks only", loads: "Loads in hand",
 };
 // Where a slider begins and ends; a value beyond can still be typed.
 const RANGE = {

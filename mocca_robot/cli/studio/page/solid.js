@@ -2,6 +2,7 @@
 import { state, changed, assembly, parts, showsResult, verdicts, currentCase, arrival, insertionOf, flatly } from "./state.js";
 import { frameNow } from "./flat.js";
 
+const MANY = 40;  // with more parts only the picked one is named: labels would hide the picture
 const FORCE = 0.14, APPROACH = 0.45, CONE = 0.09;
 const view = { azimuth: -1.05, elevation: 0.38, distance: 1, centre: [0, 0, 0], fitted: null };
 let canvas = null, gl = null, shader = null, tags = null, labels = [];
@@ -226,7 +227,7 @@ export const draw = () => {
   poses = parts().map((_, k) => pose(k, wave));
   parts().forEach((part, k) => {
     const where = poses[k], tag = labels[k];
-    tag.style.display = where && state.layers.names && (!part.fixed || picked?.part === k) ? "" : "none";
+    tag.style.display = where && state.layers.names && (picked?.part === k || (!part.fixed && parts().length <= MANY)) ? "" : "none";
     if (!where) return;
     putMesh(now[k], part, where);
     let rgb = part.fixed ? colours.fixed : colours.parts[part.colour];

@@ -21,7 +21,7 @@ export const state = {
   step: Infinity,
   tilt: { angle: 0, azimuth: 0 }, tilted: null,
   motion: null, motionTime: 0,
-  picked: null,
+  picked: null, refused: "",
   shownCase: null,
 };
 
@@ -87,7 +87,7 @@ export const showsResult = () => state.which === "result" && Boolean(state.resul
 export const assembly = () => (showsResult() ? state.result.assembly : state.input?.assembly);
 export const parts = () => assembly()?.parts || [];
 export const inputParts = () => state.input?.assembly.parts || [];
-export const stale = () => (showsResult() || state.which === "result" ? !fresh("result") : !fresh("input"));
+export const stale = () => !fresh(showsResult() ? "result" : "input");
 export const verdicts = () => (showsResult() ? state.result : state.before?.revision === state.input?.revision ? state.before : null);
 // What is picked stays picked while `change` exchanges what is shown.
 export const keepPicked = (change) => {
@@ -165,7 +165,8 @@ const hear = (event) => {
     changed("jobs");
   } else if (stage === "refused") {
     state.motion = null;
-    changed("refused", event);
+    state.refused = event.text;
+    changed("refused");
   } else {
     keepPicked(() => { state[stage] = event; });
     if (stage === "input") state.motion = null;
