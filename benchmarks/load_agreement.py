@@ -37,7 +37,7 @@ LOADS_PER_CONFIG = 3
 
 @dataclass(frozen=True)
 class LoadComparison:
-    """How much of one load stands by statics and in physics; None when there is nothing to compare."""
+    """How much of one load stands by statics and in physics; None, and `what` says why, when nothing is compared."""
 
     found: LoadVerdict | None
     what: str
@@ -45,7 +45,7 @@ class LoadComparison:
     def words(self) -> str:
         """Return the verdict with its figures."""
         if self.found is None:
-            return f"near: {self.what}"
+            return self.what
         found = self.found
         same = found.apart <= LOAD_AGREEMENT and not found.failed
         physics = f"over {found.tried:.4g}" if np.isinf(found.factor) else f"{found.factor:.4g} ± {found.within:.2g}"
@@ -95,9 +95,9 @@ def compared(assembly: Assembly, kind: str, seed: int) -> LoadComparison:
     graph = PartsGraph.of(replace(assembly, actions=(action,), combinations=()), report.contacts)
     (combination,), (expected,) = asked_combinations(graph.assembly), load_factors(graph)
     if expected.steps == 0:
-        return LoadComparison(None, f"{kind} meets nothing that can move")
+        return LoadComparison(None, f"near: {kind} meets nothing that can move")
     if expected.factor is None:
-        return LoadComparison(None, f"{kind}: statics gave no verdict")
+        return LoadComparison(None, f"undecided: {kind}, statics gave no verdict")
     rays = telling_rays(graph.assembly, report.contacts)
     touching = contact_model(graph.assembly, report.contacts) if rays is None else rays
     return LoadComparison(load_verdict(graph, touching, combination, expected), kind)

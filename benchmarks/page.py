@@ -58,8 +58,8 @@ it) just below and just above their critical tilt. *near*: too close to falling 
 
 LOADS_TEXT = """How many times one load, of a random kind, place and direction, stands beside gravity: by statics, and
 in MuJoCo, without friction. They agree where they are less than 2 % apart; where statics says that any amount stands,
-MuJoCo has to hold ten times the structure's own weight. *near*: the load meets nothing that can move. Of all random
-ones and all configurations:"""
+MuJoCo has to hold ten times the structure's own weight. *near*: the load meets nothing that can move. Of the random
+assemblies and configurations that were measured:"""
 
 INSERTIONS_TEXT = """Every part driven home by a compliant hand along directions that cover its cone: with an exact grip
 at three clearances, with the grip off by 0.5 mm or 1°, and with the earlier parts left free. *Allowed* is 5 % of the
@@ -231,6 +231,8 @@ def _agreement(run: Run, docs: Path, text: str = AGREEMENT_TEXT) -> str:
     apart = sorted((r.case, r.verdict.partition(": ")[2]) for r in run.rows if r.verdict.startswith("DISAGREE"))
     listed = _table(("disagrees", "both verdicts, and the cause"), apart) if apart else ""
     measured = dict.fromkeys(r.case.partition(" µ")[0] for r in run.rows if " µ" in r.case)
+    loaded = (r.case for r in run.rows if text is LOADS_TEXT and not r.case.startswith("all "))
+    measured |= dict.fromkeys(case.partition(" ")[0] for case in loaded if " " in case)
     which = f" Measured: {', '.join(measured)}." if measured else ""
     return f"{text} {words}.{which}\n\n{listed}".rstrip()
 
