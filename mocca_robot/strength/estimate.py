@@ -19,10 +19,10 @@ from mocca_robot.strength.options import MadeOf
 from mocca_robot.strength.sections import Sections
 from mocca_robot.strength.uses import Use, allowed
 
-NOTCH = 2.5
-"""Stress in a corner over that of the cut through it, for tension and compression; shear has the beam's own 1.5."""
-SPLIT = 0.35
-"""Tension beside and below a pressed patch over its pressure: splitting, and the rim of a stiff stamp."""
+NOTCH = {2: 2.5, 3: 5.0}
+"""By dimension: stress in a corner over that of the cut through it, tension and compression; a beam's shear has 1.5."""
+SPLIT = {2: 0.35, 3: 0.8}
+"""By dimension: tension beside and below a pressed patch over its pressure: splitting, and the rim of a stiff stamp."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,7 +62,8 @@ def estimated(cuts: Cuts, made: MadeOf, loads: PartLoads) -> list[Use]:
         there = beyond3d(sections.normals, levels, where)
     body = part.density * loads.gravity
     found = sections.stresses(points, forces, body, (*loads.further, there))
-    stresses = (NOTCH * np.maximum(found[:, 0], 0.0), NOTCH * np.maximum(-found[:, 1], 0.0), found[:, 2])
+    notch = NOTCH[part.shape.dimension]
+    stresses = (notch * np.maximum(found[:, 0], 0.0), notch * np.maximum(-found[:, 1], 0.0), found[:, 2])
     uses = []
     for kind, stress in zip(("tension", "compression", "shear"), stresses):
         limit = allowed(made, sections.normals, kind)
@@ -84,7 +85,7 @@ def pressing(made: MadeOf, loads: PartLoads) -> list[Use]:
     pulled = min(made.strength.tension, np.inf if made.along is None else made.along.tension)
     return [
         _use("bearing", pressure[worst], bearing[worst], loads.points[worst], loads.case),
-        _use("tension", SPLIT * pressure[most], pulled, loads.points[most], loads.case),
+        _use("tension", SPLIT[loads.points.shape[1]] * pressure[most], pulled, loads.points[most], loads.case),
     ]
 
 
