@@ -215,6 +215,29 @@ def test_small_numbers_have_a_name_and_a_reason(path: Path) -> None:
     assert not lines, f"lines {lines}: take one of mocca_robot/tolerances.py, or a constant with its reason"
 
 
+def without_encoding(source: str) -> list[int]:
+    """Return the lines that read or write text in the encoding that the system happens to have."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if not isinstance(node, ast.Call):
+            continue
+        named = {k.arg for k in node.keywords}
+        called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        given = {"read_text": 1, "write_text": 2}.get(called)
+        if isinstance(node.func, ast.Attribute) and given and len(node.args) < given and "encoding" not in named:
+            found.append(node.lineno)
+        binary = any(isinstance(a, ast.Constant) and "b" in str(a.value) for a in node.args[1:])
+        if isinstance(node.func, ast.Name) and called == "open" and not binary and "encoding" not in named:
+            found.append(node.lineno)
+    return found
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_texts_have_an_encoding(path: Path) -> None:
+    assert not without_encoding(path.read_text(encoding="utf-8"))
+    assert without_encoding("open('a')\nopen('a', 'rb')\np.read_text()\np.write_text('x', 'utf-8')\n") == [1, 3]
+
+
 def test_small_numbers_are_found_where_they_stand() -> None:
     source = "A = 1e-6\ndef f(x, y=1e-6):\n    return x > 1e-9 * y\nclass B:\n    c: float = 1e-4\n"
     assert small_numbers_without_name(source) == [3]
