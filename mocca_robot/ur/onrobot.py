@@ -1,6 +1,6 @@
 """OnRobot's RG2 and RG6 behind a Compute Box, which speaks Modbus TCP: force, width and grip in holding registers.
 
-Registers as in OnRobot's "Connectivity guide" for the Compute Box: 0 target force (0.1 N), 1 target width (0.1 mm), 2
+Registers as public drivers for the Compute Box use them: 0 target force (0.1 N), 1 target width (0.1 mm), 2
 control (16: grip, with the fingertips' offset), 268 status (bit 0 busy, bit 1 grip detected, bits 2 to 6 safety), 275
 width with the fingertips' offset (0.1 mm); device 65. Unproven on hardware: tested against the fake controller only.
 """
