@@ -41,7 +41,7 @@ def test_bumps_leave_the_way_of_parts_that_they_do_not_touch(
 ) -> None:
     assembly = puzzle(columns, rows, 0.006, alpha_deg)
     with monkeypatch.context() as patched:
-        patched.setattr(passage.WayOpener, "opened", lambda self, first: first)
+        patched.setattr(passage.WayOpener, "open", lambda self, first: first)
         before = design(assembly)
     assert not before.achieved
     assert barred(before)
@@ -52,13 +52,13 @@ def test_bumps_leave_the_way_of_parts_that_they_do_not_touch(
 
 def test_a_way_that_stays_closed_is_told_with_the_joints_that_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     ends: list[Outcome] = []
-    opened = passage.WayOpener.opened
+    opened = passage.WayOpener.open
 
     def kept(self: passage.WayOpener, first: Outcome) -> Outcome:
         ends.extend([first, opened(self, first)])
         return ends[1]
 
-    monkeypatch.setattr(passage.WayOpener, "opened", kept)
+    monkeypatch.setattr(passage.WayOpener, "open", kept)
     outcome = design(puzzle(3, 3, 0.010, 9.0))
     first, last = ends
     assert first.closed
