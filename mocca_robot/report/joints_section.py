@@ -16,7 +16,7 @@ from mocca_robot.report.markup import degrees, esc, millimetres, plural, signifi
 from mocca_robot.report.palette import FIXED, LIGHT, part_colours
 from mocca_robot.report.sections import section
 
-MOST_CLOSE_UPS = 24
+MOST_CLOSE_UPS = 12
 """Joints that are drawn from near, the highest first: each takes two pictures of some ten kilobytes."""
 
 

@@ -7,6 +7,7 @@ import struct
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -29,17 +30,34 @@ INK = np.array([43.0, 54.0, 67.0], dtype=np.float32)
 """Colour of the lines."""
 COARSE = 6
 """Steps of a colour channel that count as one when a picture's palette is chosen."""
+JUMP = 6.0
+"""Pixels by which one face must lie behind the other for a line between them."""
+HATCHED = np.float32(0.78)
+"""Brightness of the hatching's stripes."""
 HATCH_PX = 7
 """Distance of the hatching of fixed parts, in pixels of the finished picture."""
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What the camera sees, top row first: per pixel `part` (−1 = nothing), `normal` (camera axes) and `depth`."""
+    """What the camera sees, top row first.
 
-    part: IntArray
-    normal: Array
+    Attributes:
+        face: (height, width) the triangle at each pixel, −1 for nothing.
+        depth: (height, width) how near it is to the eye, pixels.
+        owner: (F,) the part of each triangle.
+        normals: (F, 3) their unit normals in camera axes.
+    """
+
+    face: IntArray
     depth: Array
+    owner: IntArray
+    normals: Array
+
+    @cached_property
+    def part(self) -> IntArray:
+        """Return (height, width) the part at each pixel, −1 for nothing."""
+        return np.where(self.face >= 0, self.owner[self.face], -1)
 
 
 def look(meshes: Sequence[Mesh], axes: Array, scale: float, low: Array, width: int, height: int) -> Seen:
@@ -65,11 +83,8 @@ def look(meshes: Sequence[Mesh], axes: Array, scale: float, low: Array, width: i
         np.maximum.at(depth, pixel, z)
         nearest = z == depth[pixel]
         face[pixel[nearest]] = some[triangle[nearest]]
-    hit = face >= 0
-    part, normal = np.full(len(face), -1), np.zeros((len(face), 3))
-    part[hit], normal[hit] = owner[face[hit]], normals[face[hit]]
     shape = (height, width)
-    return Seen(part.reshape(shape), normal.reshape(*shape, 3), depth.reshape(shape))
+    return Seen(face=face.reshape(shape), depth=depth.reshape(shape), owner=owner, normals=normals)
 
 
 def _in_turn(rows: IntArray, breadth: Array) -> list[IntArray]:
@@ -104,18 +119,21 @@ def _fragments(
 
 def outlines(seen: Seen) -> NDArray[np.bool_]:
     """Return the pixels on a line: where parts meet, where one face hides another, and along sharp edges."""
-    line = np.zeros(seen.part.shape, dtype=np.bool_)
-    slope = -seen.normal[..., :2] / np.maximum(seen.normal[..., 2:], ROUNDING) * [1.0, -1.0]
+    line = np.zeros(seen.face.shape, dtype=np.bool_)
+    slope = -seen.normals[:, :2] / np.maximum(seen.normals[:, 2:], ROUNDING) * [1.0, -1.0]
     for axis, here, there in ((0, np.s_[:, :-1], np.s_[:, 1:]), (1, np.s_[:-1], np.s_[1:])):
-        solid = (seen.part[here] >= 0) & (seen.part[there] >= 0)
-        differs = seen.part[here] != seen.part[there]
-        sharp = np.einsum("...k,...k->...", seen.normal[here], seen.normal[there]) < CREASE
+        # Within a face nothing turns and nothing hides.
+        between = seen.face[here] != seen.face[there]
+        a, b = seen.face[here][between], seen.face[there][between]
+        differs = seen.part[here][between] != seen.part[there][between]
+        solid = (a >= 0) & (b >= 0)
+        sharp = np.einsum("ik,ik->i", seen.normals[a], seen.normals[b]) < CREASE
         with np.errstate(invalid="ignore"):
-            step = seen.depth[there] - seen.depth[here]
-            jump = np.minimum(np.abs(step - slope[here][..., axis]), np.abs(step - slope[there][..., axis])) > 6.0
-        found = differs | (solid & (sharp | jump))
-        line[here] |= found
-        line[there] |= found
+            step = seen.depth[there][between] - seen.depth[here][between]
+            jump = np.minimum(np.abs(step - slope[a, axis]), np.abs(step - slope[b, axis])) > JUMP
+        between[between] = differs | (solid & (sharp | jump))
+        line[here] |= between
+        line[there] |= between
     return line
 
 
@@ -124,22 +142,26 @@ def painted(seen: Seen, fills: Sequence[str], fixed: Sequence[bool], finer: int)
 
     `fills` holds '#rrggbb' per part; `finer` pixels of `seen` a side make one of the picture.
     """
-    hatched = np.asarray(fixed)
+    hatched = np.append(np.asarray(fixed)[seen.owner], False)
     colours = np.array([[int(f[k : k + 2], 16) for k in (1, 3, 5)] for f in fills], dtype=np.float32)
-    height, width = (n // finer for n in seen.part.shape)
+    light = 0.60 + 0.30 * np.maximum(seen.normals @ LIGHT, 0.0) + 0.14 * seen.normals[:, 2]
+    # One row more, for no face at all: index −1.
+    shades = np.append(colours[seen.owner] * np.minimum(light, 1.02)[:, None], np.zeros((1, 3)), axis=0)
+    shades = shades.astype(np.float32)
+    height, width = (n // finer for n in seen.face.shape)
     total, cover = np.zeros((height, width, 3), dtype=np.float32), np.zeros((height, width), dtype=np.float32)
     line = outlines(seen)
+    y, x = np.indices((height, width), dtype=np.int32)
     for down in range(finer):
         for across in range(finer):
             mine = np.s_[down : height * finer : finer, across : width * finer : finer]
-            part, normal, drawn = seen.part[mine], seen.normal[mine].astype(np.float32), line[mine]
-            hit = part >= 0
-            light = 0.60 + 0.30 * np.maximum(normal @ LIGHT.astype(np.float32), 0.0) + 0.14 * normal[..., 2]
-            y, x = np.indices(part.shape, dtype=np.int32)
-            stripe = hit & hatched[part] & ((finer * (x + y) + down + across) % (HATCH_PX * finer) < finer)
-            light = np.minimum(light, 1.02) * np.where(stripe, np.float32(0.78), np.float32(1.0)) * (hit & ~drawn)
-            total += colours[part] * light[..., None] + INK * drawn[..., None]
-            cover += hit | drawn
+            face, drawn = seen.face[mine], line[mine]
+            colour = shades[face]
+            stripe = hatched[face] & ((finer * (x + y) + down + across) % (HATCH_PX * finer) < finer)
+            colour[stripe] *= HATCHED
+            colour[drawn] = INK
+            total += colour
+            cover += (face >= 0) | drawn
     mixed = total / np.maximum(cover, 1.0)[..., None]
     return np.dstack([mixed.round().clip(0, 255), (255 / finer**2 * cover).round()]).astype(np.uint8)
 

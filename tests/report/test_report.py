@@ -378,7 +378,7 @@ def test_the_camera_sees_what_is_in_front_and_covers_each_face_once() -> None:
     rows, columns = np.nonzero(seen.part == 1)
     assert (rows.min(), rows.max(), columns.min(), columns.max()) == (15, 24, 15, 24), "the top row is the far one"
     np.testing.assert_allclose(seen.depth[seen.part == 0], 40.0)
-    np.testing.assert_allclose(seen.normal[seen.part >= 0] - [0.0, 0.0, 1.0], 0.0, atol=1e-12)
+    np.testing.assert_allclose(seen.normals[seen.face[seen.part >= 0]] - [0.0, 0.0, 1.0], 0.0, atol=1e-12)
 
 
 def test_depth_is_that_of_the_plane_and_lines_run_where_faces_turn() -> None:
@@ -391,7 +391,7 @@ def test_depth_is_that_of_the_plane_and_lines_run_where_faces_turn() -> None:
     np.testing.assert_allclose(np.abs(world).max(axis=1), 0.5, atol=1e-9)
     corners = cube(1.0, (-0.5, -0.5, -0.5)).vertices @ axes[:2].T
     assert hit.sum() == pytest.approx(3600 * shapely.MultiPoint(corners).convex_hull.area, rel=0.01)
-    groups = {tuple(n) for n in np.round(seen.normal[hit], 9)}
+    groups = {tuple(n) for n in np.round(seen.normals[seen.face[hit]], 9)}
     assert len(groups) == 3, "three faces of a cube"
     inside = scipy.ndimage.binary_erosion(hit, iterations=3)
     assert 100 < (raster.outlines(seen) & inside).sum() < 600, "its three inner edges"
