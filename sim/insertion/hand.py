@@ -120,11 +120,13 @@ class HandPath:
         """Put the part at the start of its path."""
         data.qpos[self.qpos] = self.targets[0]
 
-    def deviation(self, coordinates: Array, step: int, far: float) -> float:
-        """Return how far the part is from where the grip should be, rotations as lengths at its reach `far`."""
-        gap = coordinates[self.qpos] - self.targets[step]
-        d = 2 if len(gap) == 3 else 3
-        return float(np.linalg.norm(gap[:d]) + far * np.linalg.norm(gap[d:]))
+    def deviation(self, visited: Array, far: float) -> float:
+        """Return how far the part was from where the grip should be, at most, in the steps after which it was at
+        `visited` (steps, n); rotations count as lengths at its reach `far`."""
+        gap = visited - self.targets[1 : len(visited) + 1]
+        d = 2 if gap.shape[1] == 3 else 3
+        off = np.linalg.norm(gap[:, :d], axis=1) + far * np.linalg.norm(gap[:, d:], axis=1)
+        return float(np.fmax.reduce(off, initial=0.0))
 
     def force_weights(self, far: float) -> Array:
         """Return what turns generalized forces into newtons: torques count at the reach `far`."""

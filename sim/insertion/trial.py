@@ -32,6 +32,8 @@ GENTLE = 0.8
 """Share of the force allowed for meeting a neighbour that the speed of a part gripped off its place may use up."""
 NEAR = 2.0
 """Errors of the grip, over the sine of the cone's half-angle: from there on to its seat a part may meet neighbours."""
+HOPELESS = 10.0
+"""Times the force allowed, beyond which nothing further can be learned."""
 LAST_STRETCH = 0.4
 """Share of the hand's steps for the last stretch of a way, all that is gone among free neighbours."""
 
@@ -117,28 +119,31 @@ def _driven(
     start_overlap = _penetration(data)
     weights = path.force_weights(far)
     watch = _Below(compiled, cone.part, data)
-    force = depth = deviation = 0.0
+    force_squared = depth = 0.0
+    hopeless = (HOPELESS * allowed) ** 2
     failure: str | None = None
     step = 0
     mine = path.body if ready.below == "free" else None
     gentle, below = (ready.gentle_steps(hand), ready.below_dof) if ready.below == "free" else (0, None)
     # Views into `data`: asking for them anew after every step takes longer than a step of a small structure.
     pushed, where, iterations, most = data.qfrc_constraint, data.qpos, data.solver_niter, model.opt.iterations
+    visited = np.empty((path.steps + 1, len(path.qpos)))
     if start_overlap <= hand.penetration * size:
         for step in range(1, path.steps + 1):
             data.ctrl[:] = path.commands[step]
             mujoco.mj_step(model, data)
             if step <= gentle:
                 data.qvel[below] = 0.0
-            force = max(force, float(np.linalg.norm(pushed[path.dof] * weights)))
+            push = pushed[path.dof] * weights
+            force_squared = max(force_squared, float(push @ push))
             depth = max(depth, _penetration(data, mine))
-            deviation = max(deviation, path.deviation(where, step, far))
+            visited[step] = where[path.qpos]
             # Warnings and numbers that are not finite stay; iterations are those of the last step alone.
             if not step % LOOK or step == path.steps or iterations.max() >= most:
                 failure = step_failure(model, data)
-            # Beyond ten times what is allowed nothing further can be learned.
-            if failure is not None or force > 10.0 * allowed:
+            if failure is not None or force_squared > hopeless:
                 break
+    force, deviation = float(np.sqrt(force_squared)), path.deviation(visited[1 : step + 1], far)
     moved = watch.moved(data, hand.sag_share)
     reason = _reason(
         assembly.parts[cone.part].name,

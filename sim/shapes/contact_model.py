@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from mocca_robot.arrays import Array, BoolArray, read_only
+from mocca_robot.arrays import Array, BoolArray, IntArray, read_only
 from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.contacts.contact import Contact
 from mocca_robot.geometry.frames import tangents
@@ -97,24 +97,31 @@ def pieces(assembly: Assembly, contacts: Sequence[Contact] | None = None) -> Con
     ]
     if contacts is None:
         return ContactModel(tuple(geoms), None)
-    own: dict[int, list[int]] = {}
-    for number, prism in enumerate(geoms):
-        own.setdefault(prism.part, []).append(number)
-    pairs = {(_owner(geoms, own[c.parts[0]], c.centre), _owner(geoms, own[c.parts[1]], c.centre)) for c in contacts}
+    outlines = {part: _Outlines.of(geoms, part) for part in {p for c in contacts for p in c.parts}}
+    pairs = {(outlines[c.parts[0]].nearest(c.centre), outlines[c.parts[1]].nearest(c.centre)) for c in contacts}
     return ContactModel(tuple(geoms), tuple(sorted(pairs)))
 
 
-def _owner(geoms: Sequence[Geom], candidates: Sequence[int], point: Array) -> int:
-    """Return the prism whose outline passes closest to `point`; a contact lies on one edge, so on one prism."""
+@dataclass(frozen=True, eq=False)
+class _Outlines:
+    """The edges (E, 2) of a part's prisms, `start` to `start` + `edge`, and the prism (E,) that each belongs to."""
 
-    def distance(number: int) -> float:
-        corners = geoms[number].points
-        ring = corners[: len(corners) // 2][:, [0, 2]]
-        edge = np.roll(ring, -1, axis=0) - ring
-        along = np.clip(((point - ring) * edge).sum(axis=1) / (edge**2).sum(axis=1), 0.0, 1.0)
-        return float(np.linalg.norm(ring + along[:, None] * edge - point, axis=1).min())
+    start: Array
+    edge: Array
+    prism: IntArray
 
-    return min(candidates, key=distance)
+    @classmethod
+    def of(cls, geoms: Sequence[Geom], part: int) -> _Outlines:
+        mine = [k for k, geom in enumerate(geoms) if geom.part == part]
+        rings = [geoms[k].points[: len(geoms[k].points) // 2][:, [0, 2]] for k in mine]
+        edges = [np.roll(ring, -1, axis=0) - ring for ring in rings]
+        return cls(np.concatenate(rings), np.concatenate(edges), np.repeat(mine, [len(ring) for ring in rings]))
+
+    def nearest(self, point: Array) -> int:
+        """Return the prism whose outline passes closest to `point`; a contact lies on one edge, so on one prism."""
+        along = np.clip(((point - self.start) * self.edge).sum(axis=1) / (self.edge**2).sum(axis=1), 0.0, 1.0)
+        away = np.linalg.norm(self.start + along[:, None] * self.edge - point, axis=1)
+        return int(self.prism[away.argmin()])
 
 
 def facets(contacts: Sequence[Contact], resolution: int | None = None, friction: float = 0.0) -> ContactModel:
