@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
@@ -19,6 +19,7 @@ from mocca_robot.statics.cases import CaseVerdict, solve_cases_on
 from mocca_robot.statics.load_factor import LoadFactor, load_factors
 from mocca_robot.statics.loads import load_cases
 from mocca_robot.statics.moving_support import support_factors
+from mocca_robot.verdicts.handed_in import Judgeable, handed_in
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,28 +57,35 @@ class Verification:
 
 
 def verify(
-    assembly: Assembly,
+    what: Judgeable,
     *,
     goals: Sequence[Goal] | None = None,
-    friction: float = 0.0,
-    directions: dict[str, Array] | None = None,
+    friction: float | None = None,
+    directions: Mapping[str, Array] | None = None,
     executor: Executor | None = None,
 ) -> Verification:
-    """Return the verdicts on `assembly` from its geometry alone.
+    """Return the verdicts on `what` from its geometry alone; its contacts are found anew.
 
-    `goals` default to the assembly's own; `directions` are insertion axes by part name, by default the axis of
-    each part's widest cone. Load cases are solved on `executor`, or here.
+    Raises InputError, naming the type, for anything else than what is listed here.
+
+    Args:
+        what: an Assembly, a Design (its built parts), the outcome of `design`, what `read_design` or `load` returns;
+            or a PartsGraph, which is judged with the contacts that it holds.
+        goals: default to the assembly's own.
+        friction: Coulomb coefficient; by default the one that a design counts on or a configuration gives, else 0.
+        directions: insertion axes (d,), unit, by part name; by default the design's, else the axis of each part's
+            widest cone.
+        executor: where load cases are solved; None: here.
     """
-    graph = PartsGraph.of(assembly, insertion=directions)
-    cases = solve_cases_on(executor, graph, load_cases(graph, goals), friction)
-    factors = (*load_factors(graph, friction), *support_factors(graph, friction))
-    return Verification(
-        graph,
-        cases,
-        insertion_verdicts(graph),
-        part_overlap(assembly),
-        factors,
-    )
+    found = handed_in(what)
+    mu = found.friction if friction is None else friction
+    graph = found.graph
+    if graph is None or directions is not None:
+        contacts = None if graph is None else graph.contacts
+        graph = PartsGraph.of(found.assembly, contacts, found.directions if directions is None else directions)
+    cases = solve_cases_on(executor, graph, load_cases(graph, goals), mu)
+    factors = (*load_factors(graph, mu), *support_factors(graph, mu))
+    return Verification(graph, cases, insertion_verdicts(graph), part_overlap(found.assembly), factors)
 
 
 def part_overlap(assembly: Assembly) -> float:
