@@ -33,6 +33,7 @@ class Key:
         known: the texts that a choice knows; of degrees: 'max', which is read as infinite.
         size: how many numbers a vector has, or each corner of a box; 0 = told by the model.
         required: whether the section is incomplete without it.
+        example: a value as one would write it, for a key without default that a new configuration shows.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Key:
     known: tuple[str, ...] = ()
     size: int = 0
     required: bool = False
+    example: Any = None
 
     def value(self, data: object, where: str, unit_m: float = 1.0) -> Any:
         """Return `data` as this key's value in SI units; raises InputError when it is none."""

@@ -136,7 +136,7 @@ KEYS: tuple[Key, ...] = (
         "",
         "Settings of single parts by name: `density`, `fixed`, `grain`, `layers`, `material`, `thickness`.",
     ),
-    Key("material", "name", None, "", "Material of every part, as tables of friction call it."),
+    Key("material", "name", None, "", "Material of every part, as tables of friction call it.", example="acrylic"),
     Key("parts.NAME.material", "name", None, "", "Material of this part."),
     Key(
         "materials",
@@ -372,6 +372,7 @@ KEYS: tuple[Key, ...] = (
         None,
         "",
         "Force with which every part is pushed in, such as `20 N`; each insertion is then a load case.",
+        example="20 N",
     ),
     Key(
         "strength.grip_force",
@@ -379,6 +380,7 @@ KEYS: tuple[Key, ...] = (
         None,
         "",
         "Force with which a gripper holds every part across its thickness at its centre, such as `50 N`.",
+        example="50 N",
     ),
     Key(
         "strength.elements",

@@ -180,19 +180,21 @@ def starter_yaml(name: str, parts_from: Mapping[str, Any], assembly: Assembly, c
 
 
 def _everything_else(flat: bool) -> list[str]:
-    out = ["# Everything else, with its default. Remove the # in front to change a value."]
+    out = ["# Everything else: its default, or an example where it has none. Remove the # in front to change a value."]
     section = ""
     for key in KEYS:
         first, _, last = key.name.partition(".")
         if first in LISTED or key.kind in ("mapping", "entries") or "NAME" in key.name or (first == "cut" and not flat):
+            continue
+        written = key.example if key.default is None else key.default
+        if written is None:  # only makes sense beside another key, as the grain of wood
             continue
         if last and first != section:
             section = first
             out.append(f"# {first}:")
         indent = "  " if last else ""
         unit = f" ({key.unit})" if key.unit not in ("", "units") else ""
-        value = "…" if key.default is None else yaml_text(key.default)
-        out.append(f"# {indent}{last or first}: {value:14}  # {key.description}{unit}")
+        out.append(f"# {indent}{last or first}: {yaml_text(written):14}  # {key.description}{unit}")
     return out
 
 

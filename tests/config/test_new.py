@@ -56,15 +56,38 @@ def test_new_writes_a_configuration_that_loads(
     require_sound(config.assembly, find_contacts(config.assembly))
 
 
-def test_every_key_of_the_new_configuration_can_be_uncommented(here: Path) -> None:
-    assert main(["new", "bridge"]) == 0
-    text = Path("bridge.yaml").read_text(encoding="utf-8")
+SECTIONS = ("joints.", "strength.", "simulate.")
+
+
+@pytest.mark.parametrize(
+    ("options", "sections"),
+    [([], (*SECTIONS, "cut.")), (["--from", str(CONFIGS / "models/horse.obj"), "--units", "m"], SECTIONS)],
+)
+def test_every_key_of_the_new_configuration_can_be_uncommented(
+    here: Path, options: list[str], sections: tuple[str, ...]
+) -> None:
+    assert main(["new", "mine", *options]) == 0
+    text = Path("mine.yaml").read_text(encoding="utf-8")
     head, _, rest = text.partition("# Everything else")
     lines = [line.removeprefix("# ") for line in rest.splitlines()[1:]]
     Path("all.yaml").write_text(head + "\n".join(lines), encoding="utf-8")
     config = load("all.yaml")
     written = {v.key for v in config.values if v.origin == "configuration"}
-    assert {k.name for k in KEYS if k.name.startswith(("joints.", "simulate.", "cut."))} <= written
+    assert {k.name for k in KEYS if k.name.startswith(sections)} <= written
+    section = ""
+    for line in lines:  # each by itself, too
+        section = line if line.endswith(":") else section if line.startswith("  ") else ""
+        if line.strip() and line != section:
+            Path("one.yaml").write_text("\n".join([head, section, line, ""]), encoding="utf-8")
+            key = section.replace(":", ".") + line.partition(":")[0].strip()
+            assert key in {v.key for v in load("one.yaml").values if v.origin == "configuration"}
+
+
+def test_an_example_is_one_of_its_key() -> None:
+    shown = [k for k in KEYS if k.example is not None]
+    assert {k.name for k in KEYS if k.kind == "force"} <= {k.name for k in shown}
+    for key in shown:
+        assert key.default is None and key.value(key.example, key.name) is not None
 
 
 def test_nothing_is_overwritten(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
