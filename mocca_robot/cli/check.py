@@ -74,6 +74,9 @@ def run(args: argparse.Namespace) -> int:
         with console.stage("picture"):
             picture = understood.write_picture(Path(args.picture), graph)
         console.say(f"picture: {picture}")
+    nested = understood.nested(graph)
+    for line in nested:
+        console.warn(f"suspicious: {line}")
     require_sound(config.assembly, report)
     for line in mended_copy.accepted_lines(report.accepted):
         console.say(line)
@@ -89,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
     console.say(console.times())
     further = {
         "taken_as_touching": mended_copy.accepted_data(report.accepted),
-        "suspicious": suspicions,
+        "suspicious": [*nested, *suspicions],
         "picture": None if picture is None else str(picture),
     }
     data = {**input_findings.document(found), **understood.document(config), **further}

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from mocca_robot.config.config import Config
+from mocca_robot.contacts.find import CUT
+from mocca_robot.contacts.inside import parts_inside
 from mocca_robot.errors import InputError
 from mocca_robot.fabrication.bill import size
 from mocca_robot.motion.parts_graph import PartsGraph
@@ -57,6 +59,16 @@ def lines(config: Config, graph: PartsGraph) -> list[str]:
         shown = [p.name for p in assembly.parts[:FEW]]
         out.append(f"sequence: {', '.join(shown)} and {len(assembly.parts) - FEW} more")
     return out
+
+
+def nested(graph: PartsGraph) -> list[str]:
+    """Return which parts lie inside others, and what to do about it: said before an error that it may explain."""
+    parts = graph.assembly.parts
+    return [
+        f"'{parts[inner].name}' lies inside '{parts[outer].name}' and touches it nowhere; is it a leftover or a copy? "
+        f"Delete it, or make it touch what holds it. {CUT}"
+        for inner, outer in parts_inside(graph.assembly, graph.contacts)
+    ][:12]
 
 
 def suspicions(graph: PartsGraph) -> list[str]:

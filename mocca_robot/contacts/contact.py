@@ -57,10 +57,11 @@ class NearMiss:
 
 @dataclass(frozen=True)
 class Overlap:
-    """Two parts that penetrate each other, `depth_m` at the deepest."""
+    """Two parts that penetrate each other, `depth_m` at the deepest, which is near `place_m`."""
 
     parts: tuple[str, str]
     depth_m: float
+    place_m: tuple[float, ...]
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,15 @@ import numpy as np
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import ContactReport
 from mocca_robot.contacts.flat import find_contacts_2d
+from mocca_robot.contacts.inside import parts_inside
 from mocca_robot.errors import InputError, NearlyTouching
 from mocca_robot.tolerances import ROUNDING, TOLERANCES, Tolerances
+
+CUT = (
+    "Cut one out of the other (in Rhino: BooleanDifference; in Blender: the modifier Boolean, Difference; in FreeCAD: "
+    "Part, Cut; in Inkscape: copy one, then Path, Difference), or move it."
+)
+"""What to do about parts that overlap, where they were made."""
 
 
 def find_contacts(assembly: Assembly, tolerances: Tolerances = TOLERANCES) -> ContactReport:
@@ -45,8 +52,8 @@ def require_sound(assembly: Assembly, report: ContactReport) -> None:
         more = len(report.overlaps) - 1
         others = f" ({more} more pair{' overlaps' if more == 1 else 's overlap'})" if more else ""
         message = (
-            f"Parts '{worst.parts[0]}' and '{worst.parts[1]}' overlap by {worst.depth_m * 1e3:.4g} mm; "
-            f"parts may touch but not penetrate.{others}"
+            f"Parts '{worst.parts[0]}' and '{worst.parts[1]}' overlap by {worst.depth_m * 1e3:.4g} mm near "
+            f"({', '.join(f'{x:.4g}' for x in worst.place_m)}) m; parts may touch but not penetrate.{others} {CUT}"
         )
         _raise(assembly, report, message, worst.depth_m)
     touched = {p for c in report.contacts for p in c.parts}
@@ -54,8 +61,10 @@ def require_sound(assembly: Assembly, report: ContactReport) -> None:
         if index not in touched and not part.fixed:
             near = [n for n in report.near_misses if part.name in n.parts]
             if not near:
+                around = [outer for inner, outer in parts_inside(assembly, report.contacts) if inner == index]
+                lies = f", and lies inside '{assembly.parts[around[0]].name}'" if around else ""
                 raise InputError(
-                    f"Part '{part.name}' floats free: it shares no face with any other part; move it against a "
+                    f"Part '{part.name}' floats free: it shares no face with any other part{lies}; move it against a "
                     "neighbour or remove it."
                 )
             message = (

@@ -172,8 +172,9 @@ def _overlaps_2d(assembly: Assembly, depth: float) -> tuple[Overlap, ...]:
         common = shapely.intersection(shapes[i], shapes[j])
         if shapely.area(common) <= 0.0 or common.buffer(-0.5 * depth).is_empty:
             continue
-        found_depth = 2.0 * float(shapely.maximum_inscribed_circle(_largest(common)).length)
-        found.append(Overlap((assembly.parts[i].name, assembly.parts[j].name), found_depth))
+        radius = shapely.maximum_inscribed_circle(_largest(common))  # a line from its centre
+        names = assembly.parts[i].name, assembly.parts[j].name
+        found.append(Overlap(names, 2.0 * float(radius.length), tuple(map(float, radius.coords[0]))))
     return tuple(found)
 
 

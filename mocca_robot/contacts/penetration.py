@@ -46,9 +46,9 @@ def penetrations(
             if part not in solids:
                 solids[part] = solid(meshes[part])
         common = solids[i] ^ solids[j]
-        found = _depth(common)
+        found, place = _depth(common)
         if found > depth and shared_volume(solids[i], solids[j]) > 0.5 * common.volume():
-            overlaps.append(Overlap((assembly.parts[i].name, assembly.parts[j].name), found))
+            overlaps.append(Overlap((assembly.parts[i].name, assembly.parts[j].name), found, place))
     return tuple(overlaps)
 
 
@@ -129,11 +129,13 @@ def _gap(first: Mesh, second: Mesh, normals: Array) -> Array:
     return np.asarray((normals @ second.vertices.T).min(axis=1) - (normals @ first.vertices.T).max(axis=1))
 
 
-def _depth(common: manifold3d.Manifold) -> float:
-    """Return how thick the intersection is, metres: the least width over its face normals, zero when empty."""
+def _depth(common: manifold3d.Manifold) -> tuple[float, tuple[float, ...]]:
+    """Return how thick the intersection is, metres, and the middle of its thickest piece: the least width over its face
+    normals, zero when empty.
+    """
+    deepest: tuple[float, tuple[float, ...]] = (0.0, ())
     if common.is_empty() or common.volume() <= 0.0:
-        return 0.0
-    deepest = 0.0
+        return deepest
     for piece in common.decompose():
         area = piece.surface_area()
         if area <= 0.0:
@@ -149,5 +151,6 @@ def _depth(common: manifold3d.Manifold) -> float:
         if large.any():
             normals = vectors[large] / length[large, None]
             width = np.ptp(normals @ points.T, axis=1).min()
-            deepest = max(deepest, min(float(width), 3.0 * mean))
+            middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+            deepest = max(deepest, (min(float(width), 3.0 * mean), tuple(middle.tolist())))
     return deepest

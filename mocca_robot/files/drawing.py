@@ -168,7 +168,8 @@ def _part(
         elif not subpath.closed and gap > CLOSED * size:
             raise InputError(
                 f"Part '{name}': its path is open, from {spoken(up[0])} to {spoken(up[-1])} ({gap:.4g} {unit} apart); "
-                "close it in the editor."
+                "close it (in Inkscape: select both end nodes, then Join; in Rhino: CloseCrv; in Illustrator: "
+                "Object, Path, Join)."
             )
         keep = np.linalg.norm(np.diff(line, axis=0), axis=1) > ROUNDING * size
         rings.append(up[:-1][keep])

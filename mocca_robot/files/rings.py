@@ -39,7 +39,8 @@ def checked_polygon(
         if not outline.is_valid:
             raise InputError(
                 f"Part '{name}': its {kind} crosses or touches itself{_place(outline, spoken)}; "
-                "redraw it so that the line never meets itself."
+                "redraw it so that the line never meets itself (in Inkscape: Path, Union, or move the nodes apart; "
+                "in Rhino: CurveBoolean; in Illustrator: Pathfinder, Unite)."
             )
     exterior, holes = cleaned[0], cleaned[1:]
     shell = shapely.Polygon(exterior)

@@ -18,12 +18,13 @@ from typing import Any
 from solids import box
 from ur_cell import small_plan
 
-from mocca_robot.assembly import Assembly, Part
+from mocca_robot.assembly import Assembly, Mesh, Part
 from mocca_robot.cli import main
 from mocca_robot.config.starter import DRAWING
 from mocca_robot.files.assembly_json import write_assembly
 from mocca_robot.files.compas_write import write_compas
 from mocca_robot.files.mesh_write import write_glb, write_part
+from mocca_robot.files.rhino import write_3dm
 from mocca_robot.plan.plan import write_plan
 
 ROOT = Path(__file__).parents[2]
@@ -124,6 +125,10 @@ def corpus(folder: Path) -> dict[str, bytes]:
     for kind in ("obj", "stl", "ply", "3mf"):
         write_part(box((0, 0, 0), (0.1, 0.1, 0.1)), folder / f"box.{kind}")
     write_glb(pile, folder / "pile.glb")
+    write_3dm(
+        [p.name for p in pile.parts], [p.shape for p in pile.parts if isinstance(p.shape, Mesh)], folder / "pile.3dm"
+    )
+    (folder / "pile.step").write_bytes((ROOT / "tests/files/pile.step").read_bytes())
     (folder / "surface.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nv 2 0 0\nv 2 0 1\nf 1 2 3 4\nf 2 5 6 3\n")
     (folder / "lines.json").write_text('{"nodes": [[0,0,0],[0,0,1],[1,0,1]], "rods": [[0,1],[1,2]]}')
     return {p.name: p.read_bytes() for p in sorted(folder.iterdir()) if p.is_file()}
@@ -145,7 +150,9 @@ def command(name: str, path: Path, out: Path, rng: random.Random) -> list[str]:
         return ["new", "fuzzed", "--from", str(path), "-o", target]
     units = ["--set", "units=m"] if path.suffix in (".obj", ".stl", ".ply") else []
     look = (
-        ["check", str(path), *units, "--set", "fixed=ground"] if name in ("pile.glb",) else ["check", str(path), *units]
+        ["check", str(path), *units, "--set", "fixed=ground"]
+        if path.stem == "pile" and name != "pile.json"
+        else ["check", str(path), *units]
     )
     others = (
         ["config", "show", str(path), *units],
