@@ -42,17 +42,19 @@ def run(args: argparse.Namespace) -> int:
     """Return 0 when Ctrl-C ends it."""
     import asyncio
     import contextlib
+    import importlib
     import secrets
     import webbrowser
 
     try:
-        import uvicorn
-
-        from mocca_robot.cli.studio.web import Studio, application
-    except ImportError as error:
-        if (error.name or "").split(".")[0] not in ("uvicorn", "starlette", "anyio", "h11"):
-            raise
+        for package in ("starlette", "uvicorn"):
+            importlib.import_module(package)
+    except ImportError:
         raise EnvironmentNeeded(INSTALL) from None
+    import uvicorn
+
+    from mocca_robot.cli.studio.web import Studio, application
+
     first = None
     if args.file is not None:
         from mocca_robot.files.documents import existing_path
