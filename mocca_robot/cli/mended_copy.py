@@ -18,6 +18,12 @@ from mocca_robot.tolerances import TOLERANCES
 
 SHOWN = 12
 """Pairs that are listed one by one."""
+BY_HAND = (
+    "where each part cuts a curved face into flats of its own, give both the same ones: cut the later part with the "
+    "earlier (in Rhino: BooleanDifference, before meshing; in Blender: the modifier Boolean, Difference; in FreeCAD: "
+    "Part, Cut; in Inkscape: Path, Difference), and export both again"
+)
+"""What to do about pairs that cannot be mended here."""
 IN_THE_PARTS = (
     *("model", "generator", "units", "scale", "up", "rigid", "tolerance", "fixed", "sequence", "name", "density"),
     *("thickness", "material", "gravity", "goal", "alpha_deg", "loads", "combinations", "version"),
@@ -75,9 +81,7 @@ def write_healed(config: Config, report: ContactReport, folder: Path, console: C
     for a, b in healed.cut[:SHOWN]:
         console.say(f"cut: what '{a}' and '{b}' still shared, from the later one")
     for pair in healed.left[:SHOWN]:
-        console.say(
-            f"✗ not mended: '{pair.parts[0]}' and '{pair.parts[1]}' are still {_amount(pair)}; mend them by hand"
-        )
+        console.say(f"✗ not mended: '{pair.parts[0]}' and '{pair.parts[1]}' are still {_amount(pair)}; {BY_HAND}")
     console.say(str(target))
     console.say(
         f"next: mocca-robot check {shlex.quote(str(target))}, then mocca-robot design {shlex.quote(str(target))}"

@@ -6,6 +6,7 @@ import importlib
 import importlib.util
 import io
 import json
+import math
 import os
 import subprocess
 import sys
@@ -18,9 +19,11 @@ import numpy as np
 from mocca_robot.arrays import Array, IntArray
 from mocca_robot.errors import EnvironmentNeeded, InputError, MoccaError
 
-SECONDS, MEMORY = {"step": 240, "3dm": 30}, 8 * 1024**3
-"""What reading one file may take: processor time, and address space where the system can limit it. Curved solids are
-cut into triangles; 3DM files hold them."""
+MOST_SECONDS, MEMORY = 240.0, 8 * 1024**3
+"""What reading one file may take: processor time, and address space where the system can limit it."""
+SECONDS = {"step": (MOST_SECONDS, 0.0), "3dm": (5.0, 3.0)}
+"""Processor time for any file, and more per MB. Curved solids of STEP files are cut into triangles, however short the
+file; 3DM files hold triangles, which take 0.7 s per MB, and damaged ones keep the reader busy for ever."""
 ROOT = Path(__file__).parents[2]
 
 Piece = tuple[str, Array, IntArray]
@@ -44,11 +47,12 @@ def read_apart(kind: str, path: Path, module: str) -> bytes:
         out = Path(folder) / "out"
         command = [sys.executable, "-m", "mocca_robot.files.native", kind, str(path.resolve()), str(out), module]
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
+        limit = 3.0 * allowed_seconds(kind, path)  # for a busy machine: processor time ends it sooner
         try:
-            done = subprocess.run(command, capture_output=True, timeout=2 * SECONDS[kind], env=environment, check=False)
+            done = subprocess.run(command, capture_output=True, timeout=limit, env=environment, check=False)
         except subprocess.TimeoutExpired:
             raise InputError(
-                f"{told} in {2 * SECONDS[kind]} s; it may be damaged. Export it again, with fewer parts."
+                f"{told} in {limit:.0f} s; it may be damaged. Export it again, with fewer parts."
             ) from None
         said = out.with_suffix(".error")
         if said.is_file():
@@ -56,6 +60,12 @@ def read_apart(kind: str, path: Path, module: str) -> bytes:
         if done.returncode != 0 or not out.is_file():
             raise InputError(f"{told}: its reader gave up; the file is damaged or too large. Export it again.")
         return out.read_bytes()
+
+
+def allowed_seconds(kind: str, path: Path) -> float:
+    """Return the processor time that reading a file of `kind` may take: more for a larger one."""
+    least, per_mb = SECONDS[kind]
+    return min(least + per_mb * path.stat().st_size / 1e6, MOST_SECONDS)
 
 
 def packed(pieces: list[Piece], unit: float | None, notes: list[str]) -> bytes:
@@ -75,18 +85,19 @@ def unpacked(content: bytes) -> tuple[list[Piece], float | None, list[str]]:
     return pieces, head["unit"], head["notes"]
 
 
-def _limit(kind: str) -> None:
+def _limit(kind: str, path: Path) -> None:
     try:
         import resource
     except ImportError:  # Windows
         return
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS[kind], SECONDS[kind]))
+    seconds = math.ceil(allowed_seconds(kind, path))
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
     if sys.platform == "linux":
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
 
 if __name__ == "__main__":
-    _limit(sys.argv[1])
+    _limit(sys.argv[1], Path(sys.argv[2]))
     target = Path(sys.argv[3])
     try:
         target.write_bytes(importlib.import_module(sys.argv[4]).converted(Path(sys.argv[2])))
