@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -241,3 +242,9 @@ def test_texts_have_an_encoding(path: Path) -> None:
 def test_small_numbers_are_found_where_they_stand() -> None:
     source = "A = 1e-6\ndef f(x, y=1e-6):\n    return x > 1e-9 * y\nclass B:\n    c: float = 1e-4\n"
     assert small_numbers_without_name(source) == [3]
+
+
+def test_no_two_test_files_have_one_name() -> None:
+    """pytest tells files without packages apart by their names alone."""
+    names = Counter(path.name for path in (ROOT / "tests").rglob("test_*.py"))
+    assert [name for name, count in names.items() if count > 1] == []
