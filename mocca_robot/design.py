@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
 from mocca_robot.joints.joint import Joint
+from mocca_robot.statics.materials import TANGENTIAL_RATIO, sprung
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +31,25 @@ class CaseResult:
 
 @dataclass(frozen=True)
 class CountedFriction:
-    """The friction that a design counts on: Coulomb's `coefficient` as declared, and `counted`, reduced for safety."""
+    """The friction that a design counts on: Coulomb's `coefficient` as declared, and `counted`, reduced for safety.
+
+    `tangential_ratio` is k_t/k_n of the contacts with which it is judged.
+    """
 
     coefficient: float
     counted: float
+    tangential_ratio: float = TANGENTIAL_RATIO
+
+    @property
+    def declared(self) -> float:
+        """Return the coefficient as declared, with the stiffness of contacts."""
+        return sprung(self.coefficient, self.tangential_ratio)
+
+    def data(self) -> dict[str, float]:
+        """Return it for JSON; a stiffness that nobody gave is left out."""
+        given = self.tangential_ratio != TANGENTIAL_RATIO
+        ratio = {"tangential_ratio": self.tangential_ratio} if given else {}
+        return {"coefficient": self.coefficient, "counted": self.counted, **ratio}
 
     @property
     def words(self) -> str:
@@ -68,4 +84,4 @@ class Design:
     @property
     def judged_friction(self) -> float:
         """Return the coefficient with which it is judged: that which it counts on as declared, or none."""
-        return 0.0 if self.friction is None else self.friction.coefficient
+        return 0.0 if self.friction is None else self.friction.declared

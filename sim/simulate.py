@@ -21,6 +21,7 @@ from mocca_robot.runtime.content_hash import assembly_hash
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.load_factor import asked_combinations, load_factors
 from mocca_robot.statics.loads import LoadCase, state_cases
+from mocca_robot.statics.materials import sprung, tangential_ratio
 from mocca_robot.statics.solution import Status
 from mocca_robot.verdicts.physics import PartInsertion, Simulation
 from sim.coulomb.judge import MOST_POINTS, corners, rubbing
@@ -178,7 +179,10 @@ class _Work:
         return _Stage(trials, told)
 
     def tilt(self, so_far: Simulation) -> _Stage:
-        frictions = sorted({*(self.ask.tilt_frictions or TILT_FRICTIONS), self.ask.friction})
+        ratio = tangential_ratio(self.ask.friction)
+        frictions = sorted(
+            {*(sprung(mu, ratio) for mu in self.ask.tilt_frictions or TILT_FRICTIONS), self.ask.friction}
+        )
         notes: list[str] = []
         trials: list[Trial] = []
         for mu in frictions:

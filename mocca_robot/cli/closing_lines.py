@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -171,7 +170,7 @@ def document(outcome: DesignOutcome, supports: tuple[str, ...]) -> dict[str, Any
         "insertions": reasons.insertions_data(outcome.after.insertions),
         "part_overlap": outcome.after.part_overlap,
         "simulation": {k: v for k, v in simulation.items() if k not in ("states", "insertion")} or None,
-        "friction": None if outcome.design.friction is None else asdict(outcome.design.friction),
+        "friction": None if outcome.design.friction is None else outcome.design.friction.data(),
         "notes": _notes(outcome),
         "files": {kind: str(path) for kind, path in outcome.files.items()},
     }

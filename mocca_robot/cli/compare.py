@@ -84,10 +84,12 @@ def run(args: argparse.Namespace) -> int:
     """
     from mocca_robot.cli import reasons, stages
     from mocca_robot.report.comparison import write_comparison
+    from mocca_robot.statics.materials import sprung, tangential_ratio
 
     console = Console(args.json)
     config = arguments.read(args, console)
-    frictions = _frictions(args.friction)
+    ratio = tangential_ratio(config.friction)
+    frictions = [sprung(mu, ratio) for mu in _frictions(args.friction)]
     folder = arguments.output_folder(args, config.assembly.name)
     contacts = stages.read_contacts(config.assembly, console)
     with console.stage("design") as show:

@@ -91,8 +91,10 @@ def questions(args: argparse.Namespace, config: Any) -> Questions:
         value = getattr(args, name)
         return getattr(config.simulate, name) if value is None else value
 
+    from mocca_robot.statics.materials import sprung, tangential_ratio  # loads numpy
+
     found = Questions(
-        friction=chosen("friction"),
+        friction=sprung(chosen("friction"), tangential_ratio(config.friction)),
         azimuths=chosen("azimuths"),
         directions=chosen("directions"),
         seed=chosen("seed"),

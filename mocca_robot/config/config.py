@@ -25,7 +25,7 @@ from mocca_robot.files.documents import MAX_YAML_BYTES, existing_path, parse_yam
 from mocca_robot.files.goals import goals_from_data
 from mocca_robot.files.versions import CONFIG
 from mocca_robot.joints.options import FLAT_KINDS, SOLID_KINDS, JointOptions
-from mocca_robot.statics.materials import Friction, require_materials
+from mocca_robot.statics.materials import Friction, require_materials, sprung, tangential_ratio
 from mocca_robot.strength.materials import KNOWN, Material, material_named, materials_from_data
 from mocca_robot.strength.options import StrengthOptions, axes_from_data
 from mocca_robot.tolerances import ON_GROUND
@@ -159,7 +159,10 @@ def configured(
     simulate = read_section(schema.KEYS, given.get("simulate", {}), "simulate", where, unit_m)
     joints = read_section(schema.KEYS, given.get("joints", {}), "joints", where, unit_m)
     friction = _friction(given, assembly, where, joints.get("friction", model.friction))
-    simulate.setdefault("friction", friction)
+    ratio = given.get("stiffness_ratio", tangential_ratio(model.friction))
+    friction, simulate["friction"] = sprung(friction, ratio), sprung(simulate.get("friction", friction), ratio)
+    if "friction" in joints:
+        joints["friction"] = sprung(joints["friction"], ratio)
     cut = read_section(schema.KEYS, given.get("cut", {}), "cut", where, unit_m)
     _require_carried(joints, assembly.dimension, f"{where}: joints")
     return Config(

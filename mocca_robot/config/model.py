@@ -177,7 +177,7 @@ def _from_json(path: Path, units: str | None, scale: float) -> Model:
             given=frozenset(given),
             insertion=insertion,
             notes=design.notes,
-            friction=0.0 if design.friction is None else design.friction.coefficient,
+            friction=0.0 if design.friction is None else design.friction.declared,
         )
     if found == ASSEMBLY.name:
         file = assembly_json.read_assembly(path)

@@ -12,6 +12,7 @@ from mocca_robot.fabrication.options import CutOptions
 from mocca_robot.files import fields as checks
 from mocca_robot.joints.families.heights import FEWEST, MOST
 from mocca_robot.joints.options import FURTHER, JointOptions
+from mocca_robot.statics.materials import TANGENTIAL_RATIO
 from mocca_robot.strength.options import StrengthOptions
 
 JOINT_KINDS = ("n", "z", "frustum", *FURTHER)
@@ -184,6 +185,17 @@ KEYS: tuple[Key, ...] = (
         "analysis and comparison; default: `joints.friction`, all that a design relies on.",
         low=0.0,
         high=10.0,
+    ),
+    Key(
+        "stiffness_ratio",
+        "number",
+        TANGENTIAL_RATIO,
+        "",
+        "With friction: how stiff contact points are along themselves, over how stiff across, k_t/k_n. Bodies of one "
+        "material have 0.7 to 1, rough faces less; `check` says how much the critical tilt changes from 0.3 to 3. The "
+        "stiffness itself decides nothing.",
+        above=0.0,
+        high=1e3,
     ),
     Key(
         "loads",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from mocca_robot.files.documents import parse_json, read_text
 from mocca_robot.files.goals import degrees
 from mocca_robot.files.output import writable_folder, write_json
 from mocca_robot.files.versions import ASSEMBLY, DESIGN
+from mocca_robot.statics.materials import TANGENTIAL_RATIO
 
 KEYS = (
     *("format", "version", "units", "dimension", "name", "gravity", "parts", "sequence", "insertion", "joints"),
@@ -128,7 +129,7 @@ def design_to_data(design: Design, built: Mapping[str, str], source: Mapping[str
         "features": list(features(design.source)),
         "seconds": {key: float(value) for key, value in design.seconds.items()},
         "notes": list(design.notes),
-        **({} if design.friction is None else {"friction": asdict(design.friction)}),
+        **({} if design.friction is None else {"friction": design.friction.data()}),
         "source": assembly_to_data(design.source, source),
     }
 
@@ -208,9 +209,14 @@ def _entries(data: object, where: str, keys: tuple[str, ...]) -> list[dict[str, 
 
 
 def _friction(data: object, where: str) -> CountedFriction:
-    (entry,) = _entries([data], where, ("coefficient", "counted"))
+    entry = fields.mapping(data, where, ("coefficient", "counted", "tangential_ratio"))
+    for key in ("coefficient", "counted"):
+        if key not in entry:
+            raise InputError(f'{where} has no "{key}"; the file is incomplete. Run the design again.')
     coefficient = fields.number(entry["coefficient"], f"{where}.coefficient", 0.0, 10.0)
-    return CountedFriction(coefficient, fields.number(entry["counted"], f"{where}.counted", 0.0, coefficient))
+    counted = fields.number(entry["counted"], f"{where}.counted", 0.0, coefficient)
+    ratio = fields.number(entry.get("tangential_ratio", TANGENTIAL_RATIO), f"{where}.tangential_ratio", above=0.0)
+    return CountedFriction(coefficient, counted, ratio)
 
 
 def _texts(data: object, where: str) -> tuple[str, ...]:

@@ -11,9 +11,9 @@ from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.coulomb_tilt import RESOLUTION_RAD, FrictionTilt, largest_tilt
 from mocca_robot.statics.friction_verdict import FrictionVerdict, Standing
-from mocca_robot.statics.frictional_contacts import TANGENTIAL_RATIO, FrictionalContacts
+from mocca_robot.statics.frictional_contacts import FrictionalContacts
 from mocca_robot.statics.loads import LoadCase, case_wrenches, tilted_gravity
-from mocca_robot.statics.materials import between, clamped
+from mocca_robot.statics.materials import between, clamped, sprung, tangential_ratio
 from mocca_robot.statics.solution import EquilibriumResult, Status
 from mocca_robot.statics.tilt import critical_angle
 
@@ -32,7 +32,6 @@ def standing_case(
     case: LoadCase,
     friction: float,
     *,
-    tangential_ratio: float = TANGENTIAL_RATIO,
     start: Array | None = None,
 ) -> FrictionVerdict:
     """Return the verdict on one load case with friction; forces are those of the corners that are present.
@@ -41,7 +40,7 @@ def standing_case(
     """
     from mocca_robot.statics.coulomb import standing  # compiled code: loaded where it is used
 
-    touching = _touching(graph, case.present.tobytes(), case.free.tobytes(), friction, tangential_ratio)
+    touching = _touching(graph, case.present.tobytes(), case.free.tobytes(), friction)
     return standing(touching, case_wrenches(case, graph), start=start)
 
 
@@ -65,7 +64,6 @@ def tilt_with_friction(
     azimuth_rad: float,
     friction: float,
     *,
-    tangential_ratio: float = TANGENTIAL_RATIO,
     resolution_rad: float = RESOLUTION_RAD,
 ) -> FrictionTilt:
     """Return where an assembly stops standing that is tilted towards an azimuth, and the bound beside it."""
@@ -75,7 +73,7 @@ def tilt_with_friction(
     def decide(angle_rad: float, start: Array | None) -> FrictionVerdict:
         gravity = tilted_gravity(assembly.gravity, angle_rad, azimuth_rad)
         case = LoadCase("tilt", gravity, present, assembly.fixed)
-        return standing_case(graph, case, friction, tangential_ratio=tangential_ratio, start=start)
+        return standing_case(graph, case, friction, start=start)
 
     upright = decide(0.0, None)
     if not upright.stands:
@@ -85,10 +83,10 @@ def tilt_with_friction(
 
 
 def tilt_band(graph: PartsGraph, azimuth_rad: float, friction: float) -> tuple[float, float]:
-    """Return the least and the largest critical tilt for tangential springs as of `TANGENTIAL_BAND` and the default."""
+    """Return the least and the largest critical tilt for tangential springs as of `TANGENTIAL_BAND` and as given."""
     tilts = [
-        tilt_with_friction(graph, azimuth_rad, friction, tangential_ratio=ratio).critical_rad
-        for ratio in (TANGENTIAL_RATIO, *TANGENTIAL_BAND)
+        tilt_with_friction(graph, azimuth_rad, sprung(friction, ratio)).critical_rad
+        for ratio in (tangential_ratio(friction), *TANGENTIAL_BAND)
     ]
     return min(tilts), max(tilts)
 
@@ -100,7 +98,7 @@ def tilt_bound(graph: PartsGraph, azimuth_rad: float, friction: float) -> float:
     """
     assembly = graph.assembly
     present = np.ones(len(assembly.parts), dtype=np.bool_)
-    touching = _touching(graph, present.tobytes(), (~assembly.fixed).tobytes(), friction, TANGENTIAL_RATIO)
+    touching = _touching(graph, present.tobytes(), (~assembly.fixed).tobytes(), friction)
 
     def solve(angle_rad: float) -> EquilibriumResult:
         gravity = tilted_gravity(assembly.gravity, angle_rad, azimuth_rad)
@@ -116,7 +114,6 @@ def _touching(
     present: bytes,
     free: bytes,
     friction: float,
-    tangential_ratio: float,
 ) -> FrictionalContacts:
     """Return what all loads on the same parts have in common; `present` and `free` are masks (N,) as bytes."""
     assembly = graph.assembly
@@ -129,5 +126,5 @@ def _touching(
     moves = np.frombuffer(free, dtype=np.bool_)
     return FrictionalContacts.of(
         pairs[there], points[there], normals[there], moves, rough, about=about, length=assembly.size / 2,
-        tangential_ratio=tangential_ratio, clamping=clamping,
+        tangential_ratio=tangential_ratio(friction), clamping=clamping,
     )  # fmt: skip

@@ -11,12 +11,10 @@ from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.errors import InputError
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.statics.friction import equilibrium_with_friction, steepness, three_rows
+from mocca_robot.statics.materials import TANGENTIAL_RATIO
 from mocca_robot.statics.solution import EquilibriumResult
 from mocca_robot.statics.solver.system import ContactSystem
 from mocca_robot.tolerances import TINY
-
-TANGENTIAL_RATIO = 1.0
-"""k_t/k_n: between equal elastic bodies theory has 2(1 − ν)/(2 − ν), 0.7 to 1; rough faces have less."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,4 +1,4 @@
-"""Friction by pair of materials, and clamping that is declared between parts."""
+"""Friction by pair of materials, how stiff contacts are along themselves, and clamping declared between parts."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ import numpy as np
 
 from mocca_robot.arrays import Array, IntArray
 from mocca_robot.errors import InputError, nearest, quoted
+
+TANGENTIAL_RATIO = 1.0
+"""k_t/k_n: between equal elastic bodies theory has 2(1 − ν)/(2 − ν), 0.7 to 1; rough faces have less."""
 
 
 class Made(Protocol):
@@ -29,29 +32,33 @@ class Friction(float):
     Attributes:
         table: ((material, material), coefficient), materials sorted; empty where one number holds for all.
         clamping: ((part, part), newtons): with what force parts press on each other before anything gives.
+        tangential_ratio: k_t/k_n of every contact point; without friction it decides nothing.
     """
 
     table: tuple[tuple[tuple[str, str], float], ...]
     clamping: tuple[tuple[tuple[str, str], float], ...]
+    tangential_ratio: float
 
     def __new__(
         cls,
         value: float = 0.0,
         table: Iterable[tuple[tuple[str, str], float]] = (),
         clamping: Iterable[tuple[tuple[str, str], float]] = (),
+        tangential_ratio: float = TANGENTIAL_RATIO,
     ) -> Friction:
-        """Return one coefficient for all, or those of `table`, with `clamping`."""
+        """Return one coefficient for all, or those of `table`, with `clamping` and stiffness."""
         rows = tuple((_sorted(pair), float(mu)) for pair, mu in table)
         made = super().__new__(cls, max((mu for _, mu in rows), default=float(value)))
-        made.table, made.clamping = rows, tuple(clamping)
+        made.table, made.clamping, made.tangential_ratio = rows, tuple(clamping), float(tangential_ratio)
         return made
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return how to make it again in another process."""
-        return Friction, (float(self), self.table, self.clamping)
+        sprung = (self.tangential_ratio,) if self.tangential_ratio != TANGENTIAL_RATIO else ()
+        return Friction, (float(self), self.table, self.clamping, *sprung)
 
     def __eq__(self, other: object) -> bool:
-        """Return whether both say the same; a plain number is one without table and clamping."""
+        """Return whether both say the same; a plain number is one without table, clamping and stiffness."""
         return isinstance(other, int | float) and float(self) == float(other) and _more(self) == _more(other)
 
     def __ne__(self, other: object) -> bool:
@@ -80,6 +87,18 @@ def read_friction(data: Mapping[Any, Any], where: str, low: float, high: float) 
         if pairs.count(pair) > 1:
             raise InputError(f"{where} gives '{'-'.join(pair)}' twice; keep one.")
     return Friction(0.0, rows)
+
+
+def tangential_ratio(friction: float) -> float:
+    """Return k_t/k_n of contacts with this friction."""
+    return friction.tangential_ratio if isinstance(friction, Friction) else TANGENTIAL_RATIO
+
+
+def sprung(friction: float, ratio: float) -> float:
+    """Return the same friction between contacts of k_t/k_n = `ratio`."""
+    if ratio == tangential_ratio(friction):
+        return friction
+    return Friction(friction, _rows(friction), friction.clamping if isinstance(friction, Friction) else (), ratio)
 
 
 def require_materials(friction: float, parts: Sequence[Made], where: str) -> None:
@@ -144,8 +163,10 @@ def _rows(friction: float) -> tuple[tuple[tuple[str, str], float], ...]:
     return friction.table if isinstance(friction, Friction) else ()
 
 
-def _more(friction: object) -> tuple[object, object]:
-    return (friction.table, friction.clamping) if isinstance(friction, Friction) else ((), ())
+def _more(friction: object) -> tuple[object, object, float]:
+    if not isinstance(friction, Friction):
+        return (), (), TANGENTIAL_RATIO
+    return friction.table, friction.clamping, friction.tangential_ratio if friction else TANGENTIAL_RATIO
 
 
 def _sorted(pair: tuple[str, str]) -> tuple[str, str]:

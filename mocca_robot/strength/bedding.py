@@ -24,7 +24,7 @@ from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.threads import with_one_blas_thread
 from mocca_robot.statics.frictional_contacts import FrictionalContacts
 from mocca_robot.statics.loads import LoadCase, case_wrenches
-from mocca_robot.statics.materials import between, clamped
+from mocca_robot.statics.materials import between, clamped, tangential_ratio
 from mocca_robot.statics.solver.system import ContactSystem
 from mocca_robot.strength.settings import TINY
 
@@ -204,6 +204,7 @@ def _rubbing(
     contacts = FrictionalContacts.of(
         pairs[there], bed.points[there], bed.normals[there], case.free, between(friction, parts, pairs[there]),
         about=bed.system.about, length=bed.system.length, weights=bed.areas[there], clamping=clamping,
+        tangential_ratio=tangential_ratio(friction),
     )  # fmt: skip
     found = standing(contacts, wrenches)
     return found.forces, found.unbalanced if found.stands else 1.0

@@ -15,6 +15,7 @@ from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import load_cases
+from mocca_robot.statics.materials import sprung, tangential_ratio
 from planners.cone_joints.outcome import Designed
 
 TRIES = 3
@@ -30,7 +31,7 @@ def counting_on_friction(design_with: Callable[[JointOptions], Designed], option
     counted = options
     for _ in range(TRIES):
         found = design_with(counted)
-        use = CountedFriction(options.friction, counted.counted_friction)
+        use = CountedFriction(float(options.friction), counted.counted_friction, tangential_ratio(options.friction))
         kept = replace(found, design=replace(found.design, friction=use))
         # A proof or a narrow part holds with less friction, too; a search that missed may find another way with it.
         settled = found.impossible is not None or bool(found.narrow) or found.interrupted is not None
@@ -50,4 +51,5 @@ def stands_with(found: Designed, use: CountedFriction) -> bool:
     ways = {i.part: i.direction for i in found.design.insertion}
     graph = PartsGraph.of(found.design.assembly, insertion=ways)
     cases = load_cases(graph)
-    return all(solve_case(graph, case, mu).result.stands for mu in (use.counted, use.coefficient) for case in cases)
+    frictions = [sprung(mu, use.tangential_ratio) for mu in (use.counted, use.coefficient)]
+    return all(solve_case(graph, case, mu).result.stands for mu in frictions for case in cases)

@@ -13,7 +13,7 @@ from mocca_robot.assembly import Assembly
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import LoadCase, case_wrenches
-from mocca_robot.statics.materials import between, clamped
+from mocca_robot.statics.materials import between, clamped, tangential_ratio
 from sim.coulomb.settle import COURSE, Course, Settled, SettlingOutcome, settle
 from sim.coulomb.springs import Springs
 from sim.motion import reach
@@ -34,15 +34,13 @@ class Rubbing:
 
     Attributes:
         graph: parts where they belong, with their contacts.
-        friction: Coulomb coefficient, or a table of them with what is clamped (`mocca_robot.statics.materials`).
+        friction: Coulomb coefficient, or more: a table, stiffness, what is clamped (`mocca_robot.statics.materials`).
         points: where the parts touch; by default every corner of every contact, as in statics.
-        shear_ratio: tangential stiffness of the contacts as a multiple of the normal one.
     """
 
     graph: PartsGraph
     friction: float
     points: Points | None = None
-    shear_ratio: float = 1.0
 
     @cached_property
     def whole(self) -> Springs:
@@ -62,7 +60,7 @@ class Rubbing:
             free=present & ~held,
             about=np.array([p.centroid for p in self.graph.assembly.parts]),
             length=self.graph.assembly.size / 2,
-            shear_ratio=self.shear_ratio,
+            shear_ratio=tangential_ratio(self.friction),
         )
 
 

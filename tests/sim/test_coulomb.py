@@ -154,7 +154,7 @@ def test_forces_of_what_stands_balance_the_weights_inside_their_cones() -> None:
 
 @pytest.mark.parametrize("ratio", [0.1, 10.0])
 def test_soft_or_stiff_shear_changes_no_slope(ratio: float) -> None:
-    rubs = replace(rubbing([ground(1.0, 3), block(1.0, 3, 0.8)], 0.6), shear_ratio=ratio)
+    rubs = rubbing([ground(1.0, 3), block(1.0, 3, 0.8)], Friction(0.6, tangential_ratio=ratio))
     assert critical_deg(rubs, 0.4) == pytest.approx(np.rad2deg(np.arctan(0.6)), abs=0.1)
 
 

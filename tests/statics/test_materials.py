@@ -12,10 +12,14 @@ import pytest
 
 from mocca_robot.config.config import load
 from mocca_robot.errors import InputError
+from mocca_robot.files.design_json import read_design, write_design
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.content_hash import content_hash
 from mocca_robot.statics.cases import case_at, critical_tilt, solve_case
-from mocca_robot.statics.materials import Friction, between
+from mocca_robot.statics.friction_cases import standing_case
+from mocca_robot.statics.materials import TANGENTIAL_RATIO, Friction, between, sprung, tangential_ratio
+from planners.cone_joints.designer import design
+from sim.coulomb.judge import rubbing
 
 
 def box(x: float, y: float, width: float, height: float) -> list[list[float]]:
@@ -71,6 +75,9 @@ def test_declared_clamping_holds_what_friction_alone_does_not(tmp_path: Path) ->
         ("friction: 0.3\nclamping: [{parts: [slab, lwo], force_n: 1}]\n", "did you mean 'low'"),
         ("friction: 0.3\nclamping: [{parts: [slab, low], force_n: -1}]\n", "force_n"),
         ("friction: 0.3\nclamping: {parts: [slab, low]}\n", "must be a list"),
+        ("friction: 0.3\nstiffness_ratio: 0\n", "stiffness_ratio is 0"),
+        ("friction: 0.3\nstiffness_ratio: -1\n", "stiffness_ratio is -1"),
+        ("friction: 0.3\nstiffness_ratio: .nan\n", "stiffness_ratio is nan"),
     ],
 )
 def test_wrong_tables_are_named(keys: str, words: str, tmp_path: Path) -> None:
@@ -99,3 +106,35 @@ def test_a_table_is_a_number_and_more() -> None:
     assert table != 0.5 and Friction(0.5) == 0.5
     assert content_hash((table,)) != content_hash((0.5,)) != content_hash((Friction(0.5, [(("a", "b"), 0.5)]),))
     assert between(0.5, (), np.zeros((0, 2), dtype=np.int64)) == 0.5
+
+
+SPRUNG = "friction: 0.3\nstiffness_ratio: 0.2\n"
+
+
+def test_the_stiffness_of_contacts_reaches_both_engines(tmp_path: Path) -> None:
+    config, plain = (load(written(tmp_path, PARTS, keys)) for keys in (SPRUNG, "friction: 0.3\n"))
+    assert tangential_ratio(config.friction) == tangential_ratio(config.simulate.friction) == 0.2
+    assert config.friction != 0.3 and plain.friction == 0.3
+    graph = PartsGraph.of(config.assembly)
+    assert rubbing(graph, config.friction).whole.contacts.tangential == pytest.approx(0.2)
+    assert rubbing(graph, plain.friction).whole.contacts.tangential == pytest.approx(1.0)
+    tilted = case_at(config.assembly, np.deg2rad(10.0), 0.0)
+    soft, stiff = (np.abs(standing_case(graph, tilted, c.friction).displacements[:, 0]).max() for c in (config, plain))
+    assert soft > 2.0 * stiff
+
+
+def test_without_friction_stiffness_says_nothing() -> None:
+    assert Friction(0.0, tangential_ratio=3.0) == 0.0
+    assert sprung(0.3, TANGENTIAL_RATIO) == 0.3 and type(sprung(0.3, TANGENTIAL_RATIO)) is float
+    again = pickle.loads(pickle.dumps(sprung(Friction(0.3, (), [(("a", "b"), 2.0)]), 0.5)))
+    assert (tangential_ratio(again), again.clamping) == (0.5, ((("a", "b"), 2.0),))
+
+
+def test_a_design_keeps_the_stiffness_that_it_was_judged_with(tmp_path: Path) -> None:
+    keys = "goal: equilibrium\njoints: {friction: 0.5}\nstiffness_ratio: 0.5\n"
+    config = load(written(tmp_path, PARTS, keys))
+    designed = design(config.assembly, config.joints)
+    assert designed.achieved and tangential_ratio(designed.design.judged_friction) == 0.5
+    path = write_design(designed.design, tmp_path / "out")
+    assert read_design(path).friction == designed.design.friction
+    assert tangential_ratio(load(path).friction) == 0.5
