@@ -16,12 +16,12 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import ContactReport
 from mocca_robot.contacts.find import find_contacts, require_exact, require_sound
+from mocca_robot.friction import sprung, tangential_ratio
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.content_hash import assembly_hash
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.load_factor import asked_combinations, load_factors
 from mocca_robot.statics.loads import LoadCase, state_cases
-from mocca_robot.statics.materials import sprung, tangential_ratio
 from mocca_robot.statics.solution import Status
 from mocca_robot.verdicts.physics import PartInsertion, Simulation
 from sim.coulomb.judge import MOST_POINTS, corners, rubbing

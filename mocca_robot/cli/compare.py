@@ -83,8 +83,8 @@ def run(args: argparse.Namespace) -> int:
     With `--friction` all of them have to hold.
     """
     from mocca_robot.cli import reasons, stages
+    from mocca_robot.friction import sprung, tangential_ratio
     from mocca_robot.report.comparison import write_comparison
-    from mocca_robot.statics.materials import sprung, tangential_ratio
 
     console = Console(args.json)
     config = arguments.read(args, console)

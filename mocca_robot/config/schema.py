@@ -10,9 +10,9 @@ from mocca_robot.assembly import DEFAULT_DENSITY, DEFAULT_THICKNESS, STANDARD_GR
 from mocca_robot.config.keys import Key
 from mocca_robot.fabrication.options import CutOptions
 from mocca_robot.files import fields as checks
+from mocca_robot.friction import TANGENTIAL_RATIO
 from mocca_robot.joints.families.heights import FEWEST, MOST
 from mocca_robot.joints.options import FURTHER, JointOptions
-from mocca_robot.statics.materials import TANGENTIAL_RATIO
 from mocca_robot.strength.options import StrengthOptions
 
 JOINT_KINDS = ("n", "z", "frustum", *FURTHER)

@@ -27,7 +27,7 @@ from mocca_robot.files.documents import parse_json, read_text
 from mocca_robot.files.goals import degrees
 from mocca_robot.files.output import writable_folder, write_json
 from mocca_robot.files.versions import ASSEMBLY, DESIGN
-from mocca_robot.statics.materials import TANGENTIAL_RATIO
+from mocca_robot.friction import TANGENTIAL_RATIO
 
 KEYS = (
     *("format", "version", "units", "dimension", "name", "gravity", "parts", "sequence", "insertion", "joints"),

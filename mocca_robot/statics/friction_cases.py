@@ -7,13 +7,13 @@ from functools import lru_cache
 import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
+from mocca_robot.friction import between, clamped, sprung, tangential_ratio
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.coulomb_tilt import RESOLUTION_RAD, FrictionTilt, largest_tilt
 from mocca_robot.statics.friction_verdict import FrictionVerdict, Standing
 from mocca_robot.statics.frictional_contacts import FrictionalContacts
 from mocca_robot.statics.loads import LoadCase, case_wrenches, tilted_gravity
-from mocca_robot.statics.materials import between, clamped, sprung, tangential_ratio
 from mocca_robot.statics.solution import EquilibriumResult, Status
 from mocca_robot.statics.tilt import critical_angle
 

@@ -22,11 +22,11 @@ from mocca_robot.actions import SupportMove
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.errors import InputError
+from mocca_robot.friction import between
 from mocca_robot.geometry.cones import cross
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import moving_parts
 from mocca_robot.statics.load_factor import LoadFactor
-from mocca_robot.statics.materials import between
 from mocca_robot.statics.touching import touches
 from mocca_robot.tolerances import COARSE
 

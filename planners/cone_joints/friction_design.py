@@ -11,11 +11,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from mocca_robot.design import CountedFriction
+from mocca_robot.friction import sprung, tangential_ratio
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_case
 from mocca_robot.statics.loads import load_cases
-from mocca_robot.statics.materials import sprung, tangential_ratio
 from planners.cone_joints.outcome import Designed
 
 TRIES = 3

@@ -10,10 +10,10 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly
+from mocca_robot.friction import between, clamped, tangential_ratio
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import LoadCase, case_wrenches
-from mocca_robot.statics.materials import between, clamped, tangential_ratio
 from sim.coulomb.settle import COURSE, Course, Settled, SettlingOutcome, settle
 from sim.coulomb.springs import Springs
 from sim.motion import reach
@@ -34,7 +34,7 @@ class Rubbing:
 
     Attributes:
         graph: parts where they belong, with their contacts.
-        friction: Coulomb coefficient, or more: a table, stiffness, what is clamped (`mocca_robot.statics.materials`).
+        friction: Coulomb coefficient, or more: a table, stiffness, what is clamped (`mocca_robot.friction`).
         points: where the parts touch; by default every corner of every contact, as in statics.
     """
 

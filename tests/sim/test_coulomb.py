@@ -11,10 +11,10 @@ from solids import box
 from benchmarks.agreement import friction_of, random_probe
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Part, Polygon
+from mocca_robot.friction import Friction
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import case_at
-from mocca_robot.statics.materials import Friction
 from sim.coulomb.judge import CoulombVerdict, Rubbing, standing
 from sim.coulomb.settle import Course, SettlingOutcome, settle
 from sim.coulomb.springs import Springs
