@@ -22,7 +22,7 @@ PACKAGES = ("mocca_robot", "planners", "sim")
 
 FLOORS = (
     ("mocca_robot.actions", "mocca_robot.errors", "mocca_robot.arrays", "mocca_robot.tolerances"),
-    ("mocca_robot.assembly", "mocca_robot.friction"),
+    ("mocca_robot.assembly",),
     ("mocca_robot.geometry", "mocca_robot.runtime"),
     ("mocca_robot.contacts", "mocca_robot.statics.solver"),
     ("mocca_robot.joints",),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
-from mocca_robot.friction import TANGENTIAL_RATIO, sprung
+from mocca_robot.contacts.friction import TANGENTIAL_RATIO, sprung
 from mocca_robot.joints.joint import Joint
 
 

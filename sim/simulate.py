@@ -16,7 +16,7 @@ from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import ContactReport
 from mocca_robot.contacts.find import find_contacts, require_exact, require_sound
-from mocca_robot.friction import sprung, tangential_ratio
+from mocca_robot.contacts.friction import sprung, tangential_ratio
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.content_hash import assembly_hash
 from mocca_robot.statics.cases import solve_case

@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     With `--friction` all of them have to hold.
     """
     from mocca_robot.cli import reasons, stages
-    from mocca_robot.friction import sprung, tangential_ratio
+    from mocca_robot.contacts.friction import sprung, tangential_ratio
     from mocca_robot.report.comparison import write_comparison
 
     console = Console(args.json)

@@ -15,8 +15,8 @@ from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.config.config import Config
 from mocca_robot.contacts.contact import ContactReport
 from mocca_robot.contacts.find import find_contacts
+from mocca_robot.contacts.friction import Friction
 from mocca_robot.errors import InputError
-from mocca_robot.friction import Friction
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.report.case_words import case_words
 from mocca_robot.tolerances import CASE_HELD

@@ -91,7 +91,7 @@ def questions(args: argparse.Namespace, config: Any) -> Questions:
         value = getattr(args, name)
         return getattr(config.simulate, name) if value is None else value
 
-    from mocca_robot.friction import sprung, tangential_ratio  # loads numpy
+    from mocca_robot.contacts.friction import sprung, tangential_ratio  # loads numpy
 
     found = Questions(
         friction=sprung(chosen("friction"), tangential_ratio(config.friction)),

@@ -16,6 +16,7 @@ from mocca_robot.config.keys import options, read_section, section
 from mocca_robot.config.model import Model, generated, read_model, turned_upright
 from mocca_robot.config.schema import SimulationOptions
 from mocca_robot.contacts.find import largest_tolerance
+from mocca_robot.contacts.friction import Friction, require_materials, sprung, tangential_ratio
 from mocca_robot.errors import InputError
 from mocca_robot.fabrication.options import CutOptions
 from mocca_robot.files import fields
@@ -24,7 +25,6 @@ from mocca_robot.files.assembly_json import gravity_from_data, in_sequence
 from mocca_robot.files.documents import MAX_YAML_BYTES, existing_path, parse_yaml, read_text, yaml_key_lines
 from mocca_robot.files.goals import goals_from_data
 from mocca_robot.files.versions import CONFIG
-from mocca_robot.friction import Friction, require_materials, sprung, tangential_ratio
 from mocca_robot.joints.options import FLAT_KINDS, SOLID_KINDS, JointOptions
 from mocca_robot.strength.materials import KNOWN, Material, material_named, materials_from_data
 from mocca_robot.strength.options import StrengthOptions, axes_from_data

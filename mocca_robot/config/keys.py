@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from mocca_robot.contacts.friction import read_friction
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields as checks
 from mocca_robot.files.actions_data import FORCE, quantity
-from mocca_robot.friction import read_friction
 from mocca_robot.tolerances import MM
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from mocca_robot.assembly import DEFAULT_DENSITY, DEFAULT_THICKNESS, STANDARD_GRAVITY
 from mocca_robot.config.keys import Key
+from mocca_robot.contacts.friction import TANGENTIAL_RATIO
 from mocca_robot.fabrication.options import CutOptions
 from mocca_robot.files import fields as checks
-from mocca_robot.friction import TANGENTIAL_RATIO
 from mocca_robot.joints.families.heights import FEWEST, MOST
 from mocca_robot.joints.options import FURTHER, JointOptions
 from mocca_robot.strength.options import StrengthOptions

@@ -11,6 +11,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Equilibrium, Interlocking
+from mocca_robot.contacts.friction import TANGENTIAL_RATIO
 from mocca_robot.design import CaseResult, CountedFriction, Design, Insertion
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
@@ -27,7 +28,6 @@ from mocca_robot.files.documents import parse_json, read_text
 from mocca_robot.files.goals import degrees
 from mocca_robot.files.output import writable_folder, write_json
 from mocca_robot.files.versions import ASSEMBLY, DESIGN
-from mocca_robot.friction import TANGENTIAL_RATIO
 
 KEYS = (
     *("format", "version", "units", "dimension", "name", "gravity", "parts", "sequence", "insertion", "joints"),

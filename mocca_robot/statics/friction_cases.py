@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray
-from mocca_robot.friction import between, clamped, sprung, tangential_ratio
+from mocca_robot.contacts.friction import between, clamped, sprung, tangential_ratio
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.coulomb_tilt import RESOLUTION_RAD, FrictionTilt, largest_tilt

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
+from mocca_robot.contacts.friction import TANGENTIAL_RATIO
 from mocca_robot.errors import InputError
-from mocca_robot.friction import TANGENTIAL_RATIO
 from mocca_robot.geometry.frames import tangents
 from mocca_robot.statics.friction import equilibrium_with_friction, steepness, three_rows
 from mocca_robot.statics.solution import EquilibriumResult

@@ -21,8 +21,8 @@ from scipy.optimize import linprog
 from mocca_robot.actions import SupportMove
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Polygon
+from mocca_robot.contacts.friction import between
 from mocca_robot.errors import InputError
-from mocca_robot.friction import between
 from mocca_robot.geometry.cones import cross
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import moving_parts

@@ -19,8 +19,8 @@ from scipy.sparse.linalg import splu
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly, Polygon
 from mocca_robot.contacts.contact import Contact
+from mocca_robot.contacts.friction import between, clamped, tangential_ratio
 from mocca_robot.contacts.surface import triangulated
-from mocca_robot.friction import between, clamped, tangential_ratio
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.threads import with_one_blas_thread
 from mocca_robot.statics.frictional_contacts import FrictionalContacts

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from mocca_robot.contacts.friction import sprung, tangential_ratio
 from mocca_robot.design import CountedFriction
-from mocca_robot.friction import sprung, tangential_ratio
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import solve_case

@@ -10,7 +10,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly
-from mocca_robot.friction import between, clamped, tangential_ratio
+from mocca_robot.contacts.friction import between, clamped, tangential_ratio
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.loads import LoadCase, case_wrenches
@@ -34,7 +34,7 @@ class Rubbing:
 
     Attributes:
         graph: parts where they belong, with their contacts.
-        friction: Coulomb coefficient, or more: a table, stiffness, what is clamped (`mocca_robot.friction`).
+        friction: Coulomb coefficient, or more: a table, stiffness, what is clamped (`mocca_robot.contacts.friction`).
         points: where the parts touch; by default every corner of every contact, as in statics.
     """
 

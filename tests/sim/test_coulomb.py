@@ -11,7 +11,7 @@ from solids import box
 from benchmarks.agreement import friction_of, random_probe
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Part, Polygon
-from mocca_robot.friction import Friction
+from mocca_robot.contacts.friction import Friction
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import case_at

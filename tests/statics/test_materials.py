@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from mocca_robot.config.config import load
+from mocca_robot.contacts.friction import TANGENTIAL_RATIO, Friction, between, sprung, tangential_ratio
 from mocca_robot.errors import InputError
 from mocca_robot.files.design_json import read_design, write_design
-from mocca_robot.friction import TANGENTIAL_RATIO, Friction, between, sprung, tangential_ratio
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.runtime.content_hash import content_hash
 from mocca_robot.statics.cases import case_at, critical_tilt, solve_case
