@@ -92,6 +92,8 @@ def say_verdicts(outcome: DesignOutcome, console: Console) -> None:
         told = outcome.reserve.missed or outcome.reserve.largest
         if told and (limited := tilt_words.limit_words(outcome.reserve)):
             console.say(f"           {limited}")
+    if outcome.dry_reserve is not None:
+        console.say(f"reserve:   {tilt_words.tilt_words(outcome.dry_reserve, design.assembly.dimension)}")
     for factor in outcome.after.load_factors:
         console.say(f"load:      {reserves.factor_words(factor)}")
     if outcome.strength is not None:
@@ -164,7 +166,7 @@ def document(outcome: DesignOutcome, supports: tuple[str, ...]) -> dict[str, Any
         "input_cases": reasons.cases_data(outcome.before.cases),
         "cases": reasons.cases_data(outcome.after.cases),
         "states": reasons.cases_data(outcome.states),
-        "reserve": tilt_words.tilt_data(outcome.reserve),
+        **tilt_words.both_data(outcome.reserve, outcome.dry_reserve),
         "strength": None if outcome.strength is None else strength_to_data(outcome.strength, assembly.name),
         "load_factors": reserves.factors_data(outcome.after.load_factors),
         "insertions": reasons.insertions_data(outcome.after.insertions),

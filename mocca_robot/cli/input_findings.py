@@ -47,8 +47,8 @@ class Checkup:
         key_mobility: what can move while the key is held.
         mobility: what can move in the finished structure.
         findings: negative verdicts.
-        reserve: the smallest reserve against tilting without friction; None with friction, or where nothing has to
-            stand.
+        reserve: the smallest reserve against tilting with this friction; None where nothing has to stand.
+        dry_reserve: the same without friction, where there is some.
     """
 
     graph: PartsGraph
@@ -65,6 +65,7 @@ class Checkup:
     mobility: Mobility
     findings: tuple[NegativeVerdict, ...]
     reserve: TiltReserve | None
+    dry_reserve: TiltReserve | None
 
 
 def checkup(
@@ -105,6 +106,7 @@ def checkup(
         findings.append(reasons.loose_finding(key, held))
     if anything.locked:
         findings.append(reasons.deadlock_finding(assembly))
+    asked = [c.case for c in cases]
     return Checkup(
         graph=graph,
         near_misses=near_misses,
@@ -119,7 +121,8 @@ def checkup(
         key_mobility=held,
         mobility=anything,
         findings=tuple(findings),
-        reserve=None if friction > 0.0 else tilt_reserve(graph, margin_rad, azimuths, [c.case for c in cases]),
+        reserve=tilt_reserve(graph, margin_rad, azimuths, asked, friction),
+        dry_reserve=tilt_reserve(graph, margin_rad, azimuths, asked) if friction > 0.0 else None,
     )
 
 
@@ -163,8 +166,8 @@ def lines(found: Checkup, built: bool = False) -> list[str]:
     tilts = ", ".join(f"{_azimuth(assembly, a)} {np.rad2deg(t):.2f}°" for a, t in zip(found.azimuths, found.tilts))
     out.append(f"critical tilt: {tilts}")
     out += _about_tilts(found)
-    if found.reserve is not None:
-        out.append("reserve: " + tilt_words.tilt_words(found.reserve, assembly.dimension))
+    both = (r for r in (found.reserve, found.dry_reserve) if r is not None)
+    out += ["reserve: " + tilt_words.tilt_words(reserve, assembly.dimension) for reserve in both]
     out += [reserves.factor_words(factor) for factor in found.verification.load_factors]
     if found.key is not None and found.key_mobility is not None:
         loose = found.key_mobility
@@ -203,7 +206,7 @@ def document(found: Checkup) -> dict[str, Any]:
             for a, t, more in zip(found.azimuths, found.tilts, _tilt_figures(found))
         ],
         **_band(found),
-        "reserve": tilt_words.tilt_data(found.reserve),
+        **tilt_words.both_data(found.reserve, found.dry_reserve),
         "load_factors": reserves.factors_data(found.verification.load_factors),
         "key": found.key,
         "interlocks": None if found.key_mobility is None else found.key_mobility.locked,

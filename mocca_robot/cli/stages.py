@@ -49,6 +49,7 @@ class DesignOutcome:
         files: what was written, by kind.
         simulation: what physics says; None before physics was asked.
         reserve: the smallest reserve against tilting; None before it was looked for, or where nothing has to stand.
+        dry_reserve: the same without friction, where the design counts on some.
         strength: what share of their strength parts use; None where it was not asked.
     """
 
@@ -60,6 +61,7 @@ class DesignOutcome:
     files: dict[str, Path] = field(default_factory=dict)
     simulation: Simulation | None = None
     reserve: TiltReserve | None = None
+    dry_reserve: TiltReserve | None = None
     strength: AssemblyStrength | None = None
 
     @property
@@ -121,12 +123,14 @@ def find_reserve(
     A design that misses it is a negative verdict where somebody wrote down how large it has to be; the default is a
     wish.
     """
-    if outcome.design.friction is not None:  # the reserve is one without friction
-        return outcome
+    friction = outcome.design.judged_friction
+    asked = config.joints.tilt_margin_rad, config.simulate.azimuths
     with console.stage("reserve"):
-        found = tilt_reserve(outcome.after.graph, config.joints.tilt_margin_rad, config.simulate.azimuths)
+        found = tilt_reserve(outcome.after.graph, *asked, friction=friction)
+        dry = tilt_reserve(outcome.after.graph, *asked) if friction > 0.0 else None
     if found is None:
         return outcome
+    outcome = replace(outcome, dry_reserve=dry)
     findings = outcome.findings
     if designed is None:
         return replace(outcome, reserve=found)

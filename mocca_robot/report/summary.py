@@ -11,7 +11,7 @@ from mocca_robot.report.case_words import case_words, goal_words
 from mocca_robot.report.data import ReportData
 from mocca_robot.report.findings import disagreements, smallest_tilt, states, tilt_gaps
 from mocca_robot.report.markup import degrees, esc, listed, plural, significant
-from mocca_robot.report.tilt_words import limit_words
+from mocca_robot.report.tilt_words import friction_words, limit_words
 from mocca_robot.statics.cases import CaseVerdict
 from mocca_robot.verdicts.agreement import towards
 from mocca_robot.verdicts.verification import Verification
@@ -172,7 +172,8 @@ def _margin(data: ReportData) -> str:
     if reserve is not None and reserve.critical_rad < angle - SHOWN_RAD:
         least, side = reserve.critical_rad, towards(reserve.azimuth_rad, dimension)
         state = esc(case_words(reserve.case))
-        words = f"{state}, towards {side} (no friction). Finished and with no other load: {degrees(angle)}, {words}"
+        state = f"{state}, towards {side} ({friction_words(reserve)})"
+        words = f"{state}. Finished and with no other load: {degrees(angle)}, {words}"
     met = asked is None or angle >= asked - SHOWN_RAD
     if reserve is not None and reserve.missed:
         words += f"; asked for {degrees(reserve.asked_rad)}"

@@ -26,14 +26,19 @@ BOUND_WORDS = {
 def tilt_words(reserve: TiltReserve, dimension: int) -> str:
     """Return the smallest critical tilt, what gives way there and what was asked for, as a sentence (not escaped)."""
     if not reserve.moving:
-        return f"stands at every tilt up to {math.degrees(reserve.critical_rad):.0f}°, without friction"
+        return f"stands at every tilt up to {math.degrees(reserve.critical_rad):.0f}°, {friction_words(reserve)}"
     state = "" if reserve.case == "gravity" else f" ({case_words(reserve.case)})"
     asked = f"; asked for: {_degrees(reserve.asked_rad)}" if reserve.asked_rad > 0.0 else ""
     asked = "; asked for: the largest that is found" if reserve.largest else asked
     return (
         f"falls at a tilt of {_degrees(reserve.critical_rad)} towards {towards(reserve.azimuth_rad, dimension)}"
-        f"{state}, without friction; then {quoted(reserve.moving, 4)} would move{asked}"
+        f"{state}, {friction_words(reserve)}; then {quoted(reserve.moving, 4)} would move{asked}"
     )
+
+
+def friction_words(reserve: TiltReserve) -> str:
+    """Return what friction it counts on."""
+    return f"with friction {reserve.friction:g}" if reserve.friction else "without friction"
 
 
 def positive_words(reserve: TiltReserve | None, factors: Sequence[LoadFactor] = ()) -> str:
@@ -72,6 +77,12 @@ def _degrees(angle_rad: float) -> str:
     return f"{math.degrees(angle_rad):.2f}°"
 
 
+def both_data(reserve: TiltReserve | None, dry: TiltReserve | None) -> dict[str, Any]:
+    """Return the smallest reserve for JSON, and that without friction where it counts on some."""
+    more = {} if dry is None else {"reserve_without_friction": tilt_data(dry)}
+    return {"reserve": tilt_data(reserve), **more}
+
+
 def tilt_data(reserve: TiltReserve | None) -> dict[str, Any] | None:
     """Return the smallest reserve against tilting for JSON, in degrees; None where nothing has to stand."""
     if reserve is None:
@@ -83,6 +94,7 @@ def tilt_data(reserve: TiltReserve | None) -> dict[str, Any] | None:
         "goal_deg": math.degrees(reserve.goal_rad),
         "margin_deg": "max" if reserve.largest else math.degrees(reserve.margin_rad),
         "reached": not reserve.missed,
+        **({"friction": float(reserve.friction)} if reserve.friction else {}),
         "moving": list(reserve.moving),
         "gives_way": [list(pair) for pair in reserve.pairs],
         "limits": [{"parts": list(j.parts), "bounds": [str(b) for b in j.bounds]} for j in reserve.limits],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -80,6 +81,20 @@ def tilt_with_friction(
         return FrictionTilt(stands_rad=0.0, fails_rad=0.0, falls_rad=0.0, bound_rad=0.0, failure=upright, tries=1)
     bound = tilt_bound(graph, azimuth_rad, friction)
     return largest_tilt(decide, bound, resolution_rad, upright)
+
+
+def tilt_of_case(
+    graph: PartsGraph, case: LoadCase, azimuth_rad: float, friction: float, beyond_rad: float
+) -> FrictionTilt:
+    """Return where a load case under gravity stops standing that is tilted, and that does not stand at `beyond_rad`."""
+    gravity = case.gravity
+    assert gravity is not None
+
+    def decide(angle_rad: float, start: Array | None) -> FrictionVerdict:
+        tilted = replace(case, gravity=tilted_gravity(gravity, angle_rad, azimuth_rad))
+        return standing_case(graph, tilted, friction, start=start)
+
+    return largest_tilt(decide, beyond_rad)
 
 
 def tilt_band(graph: PartsGraph, azimuth_rad: float, friction: float) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from mocca_robot.joints.bounds import TightJoint
 from mocca_robot.joints.joint import contact_rays
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.cases import CaseVerdict, solve_case
+from mocca_robot.statics.friction_cases import tilt_of_case
 from mocca_robot.statics.load_factor import power
 from mocca_robot.statics.loads import LoadCase, load_cases, tilt_azimuths, tilted_gravity
 from mocca_robot.statics.solution import EquilibriumResult
@@ -31,7 +32,7 @@ BEYOND_RAD = 1e-3
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TiltReserve:
-    """How far the ground can tilt before the first of the states that have to stand falls, without friction.
+    """How far the ground can tilt before the first of the states that have to stand falls.
 
     Attributes:
         critical_rad: the tilt at which that state first falls, at most π/2.
@@ -41,6 +42,7 @@ class TiltReserve:
         margin_rad: the reserve asked for beyond it (`JointOptions.tilt_margin_rad`); infinite: the largest there is.
         moving: the parts that move just beyond it, in assembly order; empty at π/2.
         pairs: pairs of parts whose contacts give way in that motion: where forces slide most along the contact first.
+        friction: the Coulomb coefficient that it counts on; 0 for none.
         limits: the joints of these pairs and the bounds they have reached; empty where their design is not known.
     """
 
@@ -52,6 +54,7 @@ class TiltReserve:
     moving: tuple[str, ...] = ()
     pairs: tuple[tuple[str, str], ...] = ()
     limits: tuple[TightJoint, ...] = ()
+    friction: float = 0.0
 
     @property
     def reserve_rad(self) -> float:
@@ -79,7 +82,11 @@ class TiltReserve:
 
 
 def tilt_reserve(
-    graph: PartsGraph, margin_rad: float, azimuths: int = 8, cases: Sequence[LoadCase] | None = None
+    graph: PartsGraph,
+    margin_rad: float,
+    azimuths: int = 8,
+    cases: Sequence[LoadCase] | None = None,
+    friction: float = 0.0,
 ) -> TiltReserve | None:
     """Return the smallest reserve of the cases that stand under gravity; None when no goal asks for that.
 
@@ -88,6 +95,7 @@ def tilt_reserve(
         margin_rad: the reserve that was asked for.
         azimuths: sides towards which solids are tilted; flat structures have two.
         cases: default: every load case that the assembly's goals ask for.
+        friction: with it, the tilt is that of the forces that come about (`coulomb_tilt`).
     """
     assembly = graph.assembly
     lateral = max((float(g.angle_rad) for g in assembly.goals if isinstance(g, Lateral)), default=0.0)
@@ -98,7 +106,7 @@ def tilt_reserve(
         goal = lateral if case.name == "gravity" else 0.0
         for azimuth in tilt_azimuths(assembly.dimension, azimuths):
             start = np.pi / 2 if weakest is None else float(np.clip(weakest.reserve_rad + goal, 0.0, np.pi / 2))
-            critical_rad, fallen = _critical(graph, case, float(azimuth), start)
+            critical_rad, fallen = _critical(graph, case, float(azimuth), start, friction)
             if weakest is not None and critical_rad - goal >= weakest.reserve_rad:
                 continue
             weakest = TiltReserve(
@@ -109,12 +117,13 @@ def tilt_reserve(
                 margin_rad=margin_rad,
                 moving=() if fallen is None else fallen.moving,
                 pairs=() if fallen is None else _giving_way(graph, fallen),
+                friction=friction,
             )
     return weakest
 
 
 def _critical(
-    graph: PartsGraph, case: LoadCase, azimuth_rad: float, start_rad: float
+    graph: PartsGraph, case: LoadCase, azimuth_rad: float, start_rad: float, friction: float
 ) -> tuple[float, CaseVerdict | None]:
     """Return the critical tilt of one case, at most `start_rad`, and how it falls just beyond; None: not before."""
     assembly, gravity = graph.assembly, case.gravity
@@ -123,7 +132,7 @@ def _critical(
     masses = np.array([p.mass for p in assembly.parts]) * case.present
 
     def at(angle_rad: float) -> CaseVerdict:
-        return solve_case(graph, replace(case, gravity=tilted_gravity(gravity, angle_rad, azimuth_rad)))
+        return solve_case(graph, replace(case, gravity=tilted_gravity(gravity, angle_rad, azimuth_rad)), friction)
 
     def solve(angle_rad: float) -> EquilibriumResult:
         return at(angle_rad).result
@@ -135,6 +144,11 @@ def _critical(
     upright = at(0.0)
     if not upright.result.stands:
         return 0.0, upright
+    if friction > 0.0:
+        if at(start_rad).result.stands:
+            return start_rad, None
+        found = tilt_of_case(graph, case, azimuth_rad, friction, start_rad)
+        return found.critical_rad, at(found.fails_rad)
     angle = critical_angle(solve, masses, gravity, level, start_rad=start_rad, applied=steady)[0]
     if angle >= start_rad:
         return float(angle), None
@@ -158,8 +172,10 @@ def _giving_way(graph: PartsGraph, fallen: CaseVerdict) -> tuple[tuple[str, str]
         velocities.append(motion[:, :d] + turn)
     apart = velocities[1] - velocities[0]
     sliding = np.linalg.norm(apart - np.einsum("cd,cd->c", apart, normals)[:, None] * normals, axis=1)
+    forces = fallen.result.forces
+    pressing = forces if forces.ndim == 1 else np.einsum("cd,cd->c", forces, normals)
     weight: dict[tuple[int, int], float] = {}
-    for (i, j), w in zip(pairs.tolist(), fallen.result.forces * sliding):
+    for (i, j), w in zip(pairs.tolist(), pressing * sliding):
         weight[i, j] = weight.get((i, j), 0.0) + float(w)
     most = max(weight.values(), default=0.0)
     ranked = sorted((pair for pair, w in weight.items() if w > 0.1 * most > 0.0), key=lambda pair: -weight[pair])

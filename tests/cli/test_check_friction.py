@@ -131,3 +131,19 @@ def test_check_says_the_bound_beside_the_tilt(tmp_path: Path, capsys: pytest.Cap
     assert main(["check", str(path), "--friction", "0.3"]) in (0, 1)
     captured = capsys.readouterr()
     assert "clamped it could stand up to: right" in captured.err + captured.out
+
+
+def test_the_reserve_with_friction_stands_beside_the_one_without(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path / "stack.json", {"chest": box(0, 0, 100, 10), "low": box(20, 10, 60, 10)})
+    main(["check", str(path), "--friction", "0.4", "--json"])
+    told = json.loads(capsys.readouterr().out)
+    assert told["reserve"]["friction"] == 0.4
+    assert told["reserve"]["critical_deg"] == pytest.approx(np.rad2deg(np.arctan(0.4)), abs=0.1)
+    assert told["reserve_without_friction"]["critical_deg"] == pytest.approx(0.0, abs=0.01)
+    main(["check", str(path), "--friction", "0.4"])
+    said = capsys.readouterr().out
+    assert "towards right, with friction 0.4" in said and "towards right, without friction" in said
+    main(["check", str(path), "--json"])
+    assert "reserve_without_friction" not in json.loads(capsys.readouterr().out)

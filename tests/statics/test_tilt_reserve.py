@@ -83,3 +83,12 @@ def test_it_is_the_least_of_every_state_on_every_side(name: str) -> None:
     weakest = [c for c in state_cases(graph) if c.name == found.case] or [state_cases(graph)[-1]]
     fallen = solve_case(graph, type(weakest[0])(found.case, beyond, weakest[0].present, weakest[0].held))
     assert not fallen.result.stands and set(fallen.moving) == set(found.moving)
+
+
+def test_friction_adds_its_angle_to_the_reserve_of_a_groove() -> None:
+    graph = PartsGraph.of(groove(20.0))
+    dry, rubbed = (tilt_reserve(graph, MARGIN, friction=mu) for mu in (0.0, 0.2))
+    assert dry is not None and rubbed is not None
+    assert (dry.friction, rubbed.friction) == (0.0, 0.2)
+    assert rubbed.critical_rad - dry.critical_rad == pytest.approx(np.arctan(0.2), abs=1e-3)
+    assert rubbed.moving == dry.moving and rubbed.pairs == dry.pairs
