@@ -38,6 +38,7 @@ from .motion.parts_graph import Meeting, PartMotion, PartsGraph, PlacedPart
 from .plan.dry_run import dry_run
 from .plan.plan import Cell, Grasp, Move, MoveKind, Plan, Step, Waypoint, write_plan
 from .plan.reader import read_plan
+from .report.display import plot, show, write_report
 from .runtime.executors import LocalProcesses, WorkerLost, completed, executor, mapped
 from .statics.cases import CaseVerdict, critical_tilt, critical_tilts, solve_case, solve_cases_on
 from .statics.equilibrium import equilibrium
@@ -45,6 +46,8 @@ from .statics.load_factor import LoadFactor, load_factors
 from .statics.loads import LoadCase, load_cases, state_cases, tilted_gravity
 from .statics.solution import EquilibriumResult, Status
 from .verdicts.verification import Verification, verify
+
+def load_ipython_extension(ipython: object) -> None: ...
 
 __all__ = [
     "AddedMass",
@@ -121,12 +124,14 @@ __all__ = [
     "load_cases",
     "load_factors",
     "mapped",
+    "plot",
     "print_beds",
     "read_assembly",
     "read_design",
     "read_parts",
     "read_plan",
     "require_sound",
+    "show",
     "solve_case",
     "solve_cases_on",
     "state_cases",
@@ -143,4 +148,5 @@ __all__ = [
     "write_glb",
     "write_parts",
     "write_plan",
+    "write_report",
 ]

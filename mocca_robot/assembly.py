@@ -254,6 +254,15 @@ class Assembly:
             if isinstance(goal, Interlocking):
                 self.index(goal.key)
 
+    def __repr__(self) -> str:
+        return f"<Assembly {self.name!r}: {self.said}>"
+
+    @property
+    def said(self) -> str:
+        """Return what there is: '3D, 7 parts (2 fixed)'."""
+        count, fixed = len(self.parts), int(self.fixed.sum())
+        return f"{self.dimension}D, {count} part{'' if count == 1 else 's'} ({fixed} fixed)"
+
     @property
     def dimension(self) -> int:
         """Return 2 or 3."""

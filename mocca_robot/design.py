@@ -81,6 +81,12 @@ class Design:
     notes: tuple[str, ...] = ()
     friction: CountedFriction | None = None
 
+    def __repr__(self) -> str:
+        curved = sum(not j.is_planar for j in self.joints)
+        worst = max((c.infeasibility_after for c in self.load_cases), default=0.0)
+        joints = f"{len(self.joints)} joint{'' if len(self.joints) == 1 else 's'} ({curved} curved)"
+        return f"<Design {self.assembly.name!r}: {self.assembly.said}, {joints}, infeasibility at most {worst:.2g}>"
+
     @property
     def judged_friction(self) -> float:
         """Return the coefficient with which it is judged: that which it counts on as declared, or none."""

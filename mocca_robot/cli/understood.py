@@ -10,7 +10,6 @@ import numpy as np
 from mocca_robot.config.config import Config
 from mocca_robot.contacts.find import CUT
 from mocca_robot.contacts.inside import parts_inside
-from mocca_robot.errors import InputError
 from mocca_robot.fabrication.bill import size
 from mocca_robot.motion.parts_graph import PartsGraph
 
@@ -126,16 +125,10 @@ def document(config: Config) -> dict[str, Any]:
 
 def write_picture(path: Path, graph: PartsGraph) -> Path:
     """Return `path` after drawing the parts there, .svg or .png. Raises InputError for other endings."""
-    from mocca_robot.files.output import write_atomic
-    from mocca_robot.report.figures import stand_alone
+    from mocca_robot.report import figures
     from mocca_robot.report.palette import part_colours
     from mocca_robot.report.pictures import Picture, draw, shared_view
-    from mocca_robot.report.typeset import write_png
 
     view = shared_view([graph.assembly], 600.0)
-    svg = stand_alone(draw(Picture(graph=graph, colours=part_colours(graph)), view, graph.assembly.name))
-    if path.suffix.lower() == ".png":
-        return write_png(svg, path)
-    if path.suffix.lower() != ".svg":
-        raise InputError(f"'{path}' ends in '{path.suffix}'; a picture is an .svg or a .png.")
-    return write_atomic(path, svg)
+    svg = draw(Picture(graph=graph, colours=part_colours(graph)), view, graph.assembly.name)
+    return figures.write_picture(figures.stand_alone(svg), path)

@@ -80,6 +80,9 @@ class StoredDesign:
     notes: tuple[str, ...]
     friction: CountedFriction | None = None
 
+    def __repr__(self) -> str:
+        return f"<StoredDesign {self.assembly.name!r}: {self.assembly.said}, {len(self.joints)} joints, {self.path}>"
+
 
 def write_design(design: Design, folder: str | Path) -> Path:
     """Return the path of design.json after writing `design` into `folder` (created).

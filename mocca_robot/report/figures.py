@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from mocca_robot.errors import InputError
+from mocca_robot.files.output import write_atomic
 from mocca_robot.report import pictures
 from mocca_robot.report.animation import Shot, film
 from mocca_robot.report.data import ReportData
@@ -16,6 +18,7 @@ from mocca_robot.report.palette import part_colours
 from mocca_robot.report.pictures import HATCH, Picture
 from mocca_robot.report.summary import asked_tilt
 from mocca_robot.report.tilt_plots import TiltSeries, tilt_plot
+from mocca_robot.report.typeset import write_png
 
 
 def design_figure(data: ReportData) -> str:
@@ -91,6 +94,16 @@ def write_figures(folder: Path, data: ReportData) -> tuple[Path, ...]:
     for name, text in drawn.items():
         (folder / name).write_text(text, encoding="utf-8")
     return tuple(folder / name for name in drawn)
+
+
+def write_picture(svg: str, path: str | Path) -> Path:
+    """Return `path` after writing a stand-alone SVG there, as .svg or .png. Raises InputError for other endings."""
+    target = Path(path)
+    if target.suffix.lower() == ".png":
+        return write_png(svg, target)
+    if target.suffix.lower() != ".svg":
+        raise InputError(f"'{target}' ends in '{target.suffix}'; a picture is an .svg or a .png.")
+    return write_atomic(target, svg)
 
 
 def beside(drawings: Sequence[str], titles: Sequence[str], width: float, height: float, label: str) -> str:

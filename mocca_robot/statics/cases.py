@@ -35,6 +35,11 @@ class CaseVerdict:
     moving: tuple[str, ...]
     rubbing: FrictionVerdict | None = None
 
+    def __repr__(self) -> str:
+        moves = f", {len(self.moving)} of {len(self.case.present)} parts would move" if self.moving else ""
+        status = str(self.result.status).replace("_", " ")
+        return f"<CaseVerdict {self.case.name!r}: {status}, E/|w|² = {self.result.infeasibility:.2g}{moves}>"
+
     @property
     def only_clamped(self) -> bool:
         """Return whether some friction forces would hold it, but nothing brings them about."""

@@ -100,6 +100,12 @@ class AssemblyStrength:
     largest_scale: float | None = None
     shades: Mapping[str, Array] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        verdict = "holds" if self.holds else "breaks"
+        weakest = "" if self.weakest is None else f", weakest {self.weakest.part!r}"
+        bears = f"bears {self.reached:.3g} times its loads (asked {self.safety:g})"
+        return f"<AssemblyStrength: {len(self.parts)} parts, {verdict}, {bears}{weakest}>"
+
     @property
     def weakest(self) -> PartStrength | None:
         """Return the part that breaks first; None where nothing acts on any."""

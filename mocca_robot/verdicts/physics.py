@@ -300,6 +300,13 @@ class Simulation:
     notes: tuple[str, ...] = ()
     interrupted: bool = False
 
+    def __repr__(self) -> str:
+        said = [f"{sum(s.stands for s in self.states)} of {len(self.states)} states stand"] if self.states else []
+        if inside := [t for t in self.trials if t.inside]:
+            said.append(f"{sum(t.succeeded for t in inside)} of {len(inside)} insertions inside the cones succeed")
+        said += ["interrupted"] if self.interrupted else []
+        return f"<Simulation of {self.name!r} by {self.engine}: {', '.join(said) or 'nothing asked'}>"
+
     @property
     def needs_support(self) -> tuple[str, ...]:
         """Return the parts after whose placing the assembly does not stand by itself."""

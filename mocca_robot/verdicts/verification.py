@@ -19,6 +19,7 @@ from mocca_robot.statics.cases import CaseVerdict, solve_cases_on
 from mocca_robot.statics.load_factor import LoadFactor, load_factors
 from mocca_robot.statics.loads import load_cases
 from mocca_robot.statics.moving_support import support_factors
+from mocca_robot.statics.solution import Status
 from mocca_robot.verdicts.handed_in import Judgeable, handed_in
 
 
@@ -40,6 +41,12 @@ class Verification:
     part_overlap: float
     load_factors: tuple[LoadFactor, ...] = ()
 
+    def __repr__(self) -> str:
+        held = sum(c.result.stands for c in self.cases)
+        cases = f"{self.standing} ({held} of {len(self.cases)} load cases held)"
+        way = "can be put together" if self.assemblable else "cannot be put together as asked"
+        return f"<Verification of {self.graph.assembly.name!r}: {self.graph.assembly.said}, {cases}, {way}>"
+
     @property
     def contacts(self) -> tuple[Contact, ...]:
         """Return all contacts, in the order in which they were found."""
@@ -49,6 +56,14 @@ class Verification:
     def stands(self) -> bool:
         """Return whether every load case is in equilibrium."""
         return all(c.result.stands for c in self.cases)
+
+    @property
+    def standing(self) -> str:
+        """Return the verdict in words: 'stands', 'does not stand', or 'not decided' where the solver was inaccurate."""
+        if self.stands:
+            return "stands"
+        falls = any(c.result.status is Status.NOT_IN_EQUILIBRIUM for c in self.cases)
+        return "does not stand" if falls else "not decided"
 
     @property
     def assemblable(self) -> bool:

@@ -47,3 +47,10 @@ class Designed:
     searched: FoundJoints | None = None
     cases: tuple[LoadCase, ...] = field(default=())
     tight: tuple[TightJoint, ...] = ()
+
+    def __repr__(self) -> str:
+        verdict = "achieved" if self.achieved else "not achieved"
+        if self.interrupted is not None:
+            verdict += ", interrupted"
+        built = self.design.assembly
+        return f"<Designed {built.name!r}: {built.said}, {len(self.design.joints)} joints, {verdict}>"
