@@ -36,7 +36,9 @@ LARGEST_M = 1e6
 
 
 def shown(value: object) -> str:
-    """Return `value` as it appears in a message: at most 60 characters."""
+    """Return `value` as it appears in a message, as one writes it in a file: at most 60 characters."""
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
     try:
         text = repr(value)
     except (ValueError, RecursionError):  # integers of thousands of digits

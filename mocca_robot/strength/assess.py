@@ -16,7 +16,7 @@ from mocca_robot.runtime.executors import mapped
 from mocca_robot.strength.bedding import Bed
 from mocca_robot.strength.cases import PartLoads, Question, answered, gripped, questions, untouched
 from mocca_robot.strength.estimate import Cuts, estimated, pressing, thinnest
-from mocca_robot.strength.options import MadeOf, StrengthOptions, made_of
+from mocca_robot.strength.options import MadeOf, StrengthOptions, made_of, other_weights
 from mocca_robot.strength.uses import AssemblyStrength, JointStrength, Method, PartStrength, Use, worst_of
 
 LOOKED_AT = 2
@@ -209,6 +209,6 @@ def _verdict(
         joints=tuple(joints),
         cases=(*(q.case.name for q in asked if q.case.name not in found.left_out), *grips),
         left_out=tuple(n for q in asked if (n := q.case.name) in found.left_out),
-        notes=tuple(dict.fromkeys(m.note for m in made if m.note)),
+        notes=(*other_weights(assembly, made), *dict.fromkeys(m.note for m in made if m.note)),
         shades={names[k]: e.shade for k, e in said.items() if e.shade is not None},
     )

@@ -167,8 +167,9 @@ def answered(bed: Bed, graph: PartsGraph, asked: Question, friction: float = 0.0
     if not found.balanced:
         if asked.required:
             raise InputError(
-                f"The load case '{asked.case.name}' is not in equilibrium ({found.left:.1g} of it is left over), and "
-                "strength needs one: look at `mocca-robot check`, and strengthen only what stands."
+                f"The load case '{asked.case.name.removeprefix('load_')}' is not in equilibrium ({found.left:.1g} of "
+                "it is left over), and strength needs one: `mocca-robot check` says what moves, `mocca-robot design` "
+                "finds joints that hold it; then give `mocca-robot strength` the folder of that design."
             )
         return None
     return tuple(_on(bed, found, graph, asked, int(part)) for part in np.flatnonzero(asked.case.free))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,12 +10,15 @@ import numpy as np
 
 from mocca_robot.arrays import Array, read_only
 from mocca_robot.assembly import Assembly, Part
-from mocca_robot.errors import InputError
+from mocca_robot.errors import InputError, quoted
 from mocca_robot.files.actions_data import direction
 from mocca_robot.strength.materials import KNOWN, Material, Strength, material_named
 
 IN_PLANE = "flat"
 """Layers of a flat part that lie in its plane: it was printed lying down."""
+
+OTHER_WEIGHT = 0.1
+"""Share by which a given density may differ from the material's before a note says so: stone and wood vary by that."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -74,7 +77,8 @@ def made_of(assembly: Assembly, options: StrengthOptions) -> tuple[MadeOf, ...]:
     if bare:
         raise InputError(
             f"Part '{bare[0]}' has no material, so nothing can be said about its strength; add material: pla, or "
-            f"another of {', '.join(sorted({*KNOWN, *options.own}))}, or parts: {{{bare[0]}: {{material: …}}}}."
+            f"another of {', '.join(sorted({*KNOWN, *options.own}))}, or parts: {{{bare[0]}: {{material: pla}}}}, or on the "
+            "command line --material pla."
         )
     return tuple(_made_of(p, options) for p in assembly.parts)
 
@@ -93,7 +97,8 @@ def _made_of(part: Part, options: StrengthOptions) -> MadeOf:
         times = material.strength.tension / material.across.tension
         raise InputError(
             f"Part '{part.name}' is of {material.name}, {times:.0f} times as strong along its grain as across, but its "
-            f"grain has no direction; add grain: {plain}, or parts: {{{part.name}: {{grain: {plain}}}}}."
+            f"grain has no direction; add grain: {plain}, or parts: {{{part.name}: {{grain: {plain}}}}}, or on the "
+            f"command line --set 'grain={plain}'."
         )
     if axis is None:
         note = f"'{part.name}' is of {material.name}; nobody says how its layers lie, so it counts as weak in every way"
@@ -103,6 +108,20 @@ def _made_of(part: Part, options: StrengthOptions) -> MadeOf:
     if material.direction == "grain":
         return MadeOf(material=material, strength=material.across, axis=axis, along=material.strength)
     return MadeOf(material=material, strength=material.strength, axis=axis, along=material.across)
+
+
+def other_weights(assembly: Assembly, made: Sequence[MadeOf]) -> tuple[str, ...]:
+    """Return one sentence per material of which free parts weigh more or less by `OTHER_WEIGHT` than the material."""
+    off: dict[str, list[Part]] = {}
+    for part, of in zip(assembly.parts, made, strict=True):
+        if not part.fixed and abs(part.density / of.material.density - 1.0) > OTHER_WEIGHT:
+            off.setdefault(of.material.name, []).append(part)
+    return tuple(
+        f"{quoted([p.name for p in parts], 3)} of {name}: counted with the given {parts[0].density:g} kg/m³, though "
+        f"{name} has {made[assembly.index(parts[0].name)].material.density:g}; for that, --set "
+        f"density={made[assembly.index(parts[0].name)].material.density:g}"
+        for name, parts in off.items()
+    )
 
 
 _ENDLESS = Strength(tension=np.inf, compression=np.inf, shear=np.inf)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from mocca_robot.config.config import load
 from mocca_robot.errors import InputError
 from mocca_robot.strength.materials import FIGURES, KNOWN, TABLE, materials_from_data
-from mocca_robot.strength.options import made_of
+from mocca_robot.strength.options import made_of, other_weights
 
 SHELF = """{"format": "mocca-robot/assembly", "version": 1, "units": "m", "dimension": 2, "name": "shelf",
  "alpha_deg": null, "parts": [
@@ -91,6 +92,34 @@ def test_wood_needs_its_grain_and_a_print_without_layers_is_weak_everywhere(tmp_
     assert weak.strength.tension == 17e6 and "layers" in weak.note
     lying = load(shelf(tmp_path, "material: pla\nlayers: flat"))
     assert made_of(lying.assembly, lying.strength)[2].strength.tension == 50e6
+
+
+@pytest.mark.parametrize(("density", "said"), [("", False), ("density: 1150", False), ("density: 2000", True)])
+def test_a_given_density_far_from_that_of_the_material_is_told(tmp_path, density, said):
+    config = load(shelf(tmp_path, f"material: plaster\n{density}"))
+    notes = other_weights(config.assembly, made_of(config.assembly, config.strength))
+    assert bool(notes) is said
+    if said:
+        assert "'board' of plaster" in notes[0] and "2000" in notes[0]
+        remedy = {"density": float(notes[0].split("--set density=")[1])}
+        mended = load(tmp_path / "shelf.yaml", remedy).assembly
+        assert not other_weights(mended, made_of(mended, config.strength))
+
+
+def test_a_grain_nobody_told_can_be_told_on_the_command_line(tmp_path):
+    path = shelf(tmp_path, "material: oak")
+    bare = load(path)
+    with pytest.raises(InputError) as caught:
+        made_of(bare.assembly, bare.strength)
+    key, value = str(caught.value).split("--set '")[1].split("'")[0].split("=")
+    told = load(path, {key: ast.literal_eval(value)})
+    assert made_of(told.assembly, told.strength)[2].axis is not None
+
+
+@pytest.mark.parametrize(("value", "said"), [("", "null"), ("true", "true"), ("abc", "'abc'")])
+def test_values_are_said_as_one_writes_them(tmp_path, value, said):
+    with pytest.raises(InputError, match=f"strength.safety must be a number, not {said}"):
+        load(shelf(tmp_path, f"strength: {{safety: {value}}}"))
 
 
 def test_a_part_without_material_is_named(tmp_path):

@@ -191,7 +191,7 @@ def test_a_file_of_the_first_version_is_read() -> None:
         ({"states": [{"stable": True}]}, r"states\[0\]: placed must be a name"),
         ({"states": [{"placed": "b", "stable": "yes"}]}, r"states\[0\]: stable must be true or false"),
         ({"tilt": [{**OLD["tilt"][0], "critical_deg": "ten"}]}, r"tilt\[0\]: critical_deg must be a number, not 'ten'"),
-        ({"tilt": [{"azimuth_deg": 0.0}]}, r"tilt\[0\]: critical_deg must be a number, not None"),
+        ({"tilt": [{"azimuth_deg": 0.0}]}, r"tilt\[0\]: critical_deg must be a number, not null"),
         ({"notes": [1]}, r"notes\[0\] must be a text"),
         ({"version": 2}, r"version 2"),
     ],
