@@ -229,7 +229,8 @@ KEYS: tuple[Key, ...] = (
         "Families of joints that the designer may use: one curved bump (n); flat parts also a bump and a dent (z), "
         "solid ones also a block with straight flanks (frustum), which holds more and is tried where bumps fail. After "
         "that come blocks that follow the contact's outline (outline), ribs along one side (rib), bumps with four free "
-        "heights (free) and several bumps on a contact (several); only where named, grids of heights (heights).",
+        "heights (free) and several bumps on a contact (several); only where named, grids of heights (heights). Solid "
+        "parts may have n, or your `joints.profile`, whether it is named or not.",
         known=JOINT_KINDS,
     ),
     Key(

@@ -149,7 +149,7 @@ def _support(data: Mapping[str, Any], name: str, parts: Sequence[Part], unit_m: 
     part = next(p for p in parts if p.name == fields.known_name(known, [p.name for p in parts], f"{where}: part"))
     if not part.fixed:
         fixed = [p.name for p in parts if p.fixed]
-        raise InputError(f"{where} moves '{part.name}', which is no support: it is not fixed. {nearest(known, fixed)}")
+        raise InputError(f"{where} moves '{part.name}', which is no support: it is not fixed; {nearest(known, fixed)}")
     if d == 3:
         raise InputError(f"{where} moves a support; only flat structures are followed so far. Leave it out.")
     if "shift" not in data and "turn" not in data:

@@ -77,8 +77,8 @@ def made_of(assembly: Assembly, options: StrengthOptions) -> tuple[MadeOf, ...]:
     if bare:
         raise InputError(
             f"Part '{bare[0]}' has no material, so nothing can be said about its strength; add material: pla, or "
-            f"another of {', '.join(sorted({*KNOWN, *options.own}))}, or parts: {{{bare[0]}: {{material: pla}}}}, or on the "
-            "command line --material pla."
+            f"another of {', '.join(sorted({*KNOWN, *options.own}))}, or parts: {{{bare[0]}: {{material: pla}}}}, "
+            "or on the command line --material pla."
         )
     return tuple(_made_of(p, options) for p in assembly.parts)
 
