@@ -194,6 +194,11 @@ def _require_carried(joints: Mapping[str, Any], dimension: int, where: str) -> N
             f"{where}.kinds is [{', '.join(named)}], which only {other} parts have, but these are {parts}; "
             f"name at least one of {', '.join(mine)}."
         )
+    if dimension == 3 and "n" not in named and not joints.get("profile"):
+        raise InputError(
+            f"{where}.kinds is [{', '.join(named)}], without n: solid parts begin with plain bumps, and take other "
+            f"families where those do not hold. Write {where}.kinds: [{', '.join(('n', *named))}]."
+        )
 
 
 def _friction(given: Mapping[str, Any], assembly: Assembly, where: str, default: float) -> float:

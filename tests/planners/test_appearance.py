@@ -65,6 +65,7 @@ def test_a_drawn_profile_is_what_is_built() -> None:
         ("profile: 3", "must be rows of heights"),
         ("kinds: [z]", "which only flat parts have"),
         ("control_heights: 9", "at most 6"),
+        ("kinds: [rib]", r"without n.*Write .*kinds: \[n, rib\]"),
     ],
 )
 def test_what_no_joint_can_be_is_named_with_the_remedy(joints: str, words: str, tmp_path: Path) -> None:
