@@ -72,8 +72,8 @@ def overrides(assignments: list[str]) -> dict[str, Any]:
     return found
 
 
-def output_folder(args: argparse.Namespace, name: str) -> Path:
-    """Return the folder for results, known to be writable before any work starts."""
-    from mocca_robot.files.output import safe_file_names, writable_folder
+def prepare_output(args: argparse.Namespace, name: str) -> Path:
+    """Create the folder for results and return it, known to take files before any work starts."""
+    from mocca_robot.files.output import make_folder, safe_file_names
 
-    return writable_folder(args.output if args.output is not None else Path("out") / safe_file_names([name])[name])
+    return make_folder(args.output if args.output is not None else Path("out") / safe_file_names([name])[name])

@@ -53,7 +53,7 @@ def build(
         raise InputError("Somebody has to confirm what happens, but there is no input to answer on: use a terminal.")
     if record is None and first > 0:
         _require_standing(plan, first, person)
-    with _Signals() as interrupted:
+    with Signals() as interrupted:
 
         def cancelled() -> str:
             unheard = "nobody reads what this program says any more (its output was closed)" if voice.deaf else ""
@@ -177,14 +177,16 @@ def _open_journal(
     return journal
 
 
-class _Signals:
+class Signals:
     """Ctrl-C, SIGTERM and a closed terminal inside only leave word: the arm then stops within one cycle."""
 
     def __enter__(self) -> Callable[[], str]:
         import signal
 
         heard: list[int] = []
-        numbers = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+        # A terminal that closes sends SIGHUP; Windows has none and sends SIGBREAK.
+        names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+        numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
         self._before = {n: signal.signal(n, lambda number, _: heard.append(number)) for n in numbers}
         return lambda: "cancelled by the user" if heard else ""
 

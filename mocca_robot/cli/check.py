@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     """Return 0 when every verdict is positive, 1 otherwise."""
     from mocca_robot.cli import input_findings, mended_copy, understood
     from mocca_robot.contacts.find import find_contacts, require_sound
-    from mocca_robot.files.output import safe_file_names, writable_folder
+    from mocca_robot.files.output import make_folder, safe_file_names
     from mocca_robot.motion.parts_graph import PartsGraph
 
     further: dict[str, Any] = {}
@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
         further["friction"] = args.friction
     console = Console(args.json)
     if args.picture is not None:
-        writable_folder(Path(args.picture).parent)
+        make_folder(Path(args.picture).parent)
     config = arguments.read(args, console, further)
     azimuths = config.simulate.azimuths if args.azimuths is None else args.azimuths
     if azimuths < 1:

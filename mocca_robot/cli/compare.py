@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     config = arguments.read(args, console)
     ratio = tangential_ratio(config.friction)
     frictions = [sprung(mu, ratio) for mu in _frictions(args.friction)]
-    folder = arguments.output_folder(args, config.assembly.name)
+    folder = arguments.prepare_output(args, config.assembly.name)
     contacts = stages.read_contacts(config.assembly, console)
     with console.stage("design") as show:
         comparison = import_module(COMPARISON)

@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
 
     console = Console(args.json)
     config = arguments.read(args, console)
-    folder = arguments.output_folder(args, config.assembly.name)
+    folder = arguments.prepare_output(args, config.assembly.name)
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
     if args.largest_angle:

@@ -12,6 +12,7 @@ from mocca_robot.cli.console import Console
 from mocca_robot.cli.exit_code import ExitCode
 from mocca_robot.errors import InputError
 from mocca_robot.files.documents import parse_json, read_text
+from mocca_robot.files.output import make_folder, safe_file_names, write_atomic
 from mocca_robot.tolerances import MM
 
 if TYPE_CHECKING:
@@ -107,26 +108,24 @@ def _is_plan(args: argparse.Namespace) -> bool:
 
 def _write_plan(args: argparse.Namespace) -> list[Path]:
     from mocca_robot.cli.execute import export_urscript
-    from mocca_robot.files.output import write_atomic
     from mocca_robot.plan.reader import read_plan
     from mocca_robot.plan.trajectory_csv import trajectory_csv
 
     ending = ".csv" if args.format == "csv" else ".script"
     target = Path(args.output) if args.output else Path(args.input).with_suffix(ending)
-    _prepare(target.parent)
+    make_folder(target.parent)
     if args.format == "csv":
         return [write_atomic(target, trajectory_csv(read_plan(args.input)))]
     return [export_urscript(Path(args.input), target)]
 
 
 def _write_parts(args: argparse.Namespace) -> tuple[list[Path], list[str]]:
-    from mocca_robot.files.output import safe_file_names
 
     config = arguments.load(args)
     assembly = config.assembly
     stem = safe_file_names([assembly.name])[assembly.name]
     if args.format == "figures":
-        return _write_figures(args, config, _prepare(Path(args.output or f"{stem}_figures"))), []
+        return _write_figures(args, config, make_folder(Path(args.output or f"{stem}_figures"))), []
     if args.format in GRAPHS:
         return [_write_graph(args, config, Path(args.output or stem + GRAPHS[args.format]))], []
     if args.format in SHEETS:
@@ -134,17 +133,17 @@ def _write_parts(args: argparse.Namespace) -> tuple[list[Path], list[str]]:
         from mocca_robot.fabrication.cut import write_cut_dxf, write_cut_svg
 
         target = Path(args.output or f"{stem}.{args.format}")
-        _prepare(target.parent)
+        make_folder(target.parent)
         write = write_cut_svg if args.format == "svg" else write_cut_dxf
         files = [write(assembly, target, config.cut)]
         return files, _thin(args, with_clearance(assembly, config.cut.clearance))
     if args.format in ("mjcf", "urdf"):
-        return _write_models(args.format, assembly, _prepare(Path(args.output or f"{stem}_{args.format}"))), []
+        return _write_models(args.format, assembly, make_folder(Path(args.output or f"{stem}_{args.format}"))), []
     if args.format in (*MESHES, *WHOLE):
         return _write_meshes(args, assembly, stem)
     endings = {"compas": "_compas.json", "compas-model": "_compas.json", "csv": "_write_parts.csv", "json": ".json"}
     target = Path(args.output or stem + endings[args.format])
-    _prepare(target.parent)
+    make_folder(target.parent)
     return [_write_document(args.format, assembly, target)], []
 
 
@@ -153,12 +152,11 @@ def _write_graph(args: argparse.Namespace, config: Config, target: Path) -> Path
     from mocca_robot.cli.simulate import stored_design
     from mocca_robot.contacts.find import find_contacts, require_sound
     from mocca_robot.files.design_json import read_design
-    from mocca_robot.files.output import write_atomic
     from mocca_robot.files.stored_joints import joints_of
     from mocca_robot.motion.parts_graph import PartsGraph
     from mocca_robot.report.graph_drawing import graph_dot, graph_svg
 
-    _prepare(target.parent)
+    make_folder(target.parent)
     path = stored_design(Path(args.input))
     if path is None:
         report = find_contacts(config.assembly)
@@ -179,7 +177,6 @@ def _write_document(kind: str, assembly: Assembly, target: Path) -> Path:
         return write_assembly(assembly, target)
     if kind == "csv":
         from mocca_robot.fabrication.bill import bill_csv
-        from mocca_robot.files.output import write_atomic
 
         return write_atomic(target, bill_csv(assembly))
     from mocca_robot.contacts.find import find_contacts
@@ -193,7 +190,6 @@ def _write_document(kind: str, assembly: Assembly, target: Path) -> Path:
 def _write_meshes(args: argparse.Namespace, assembly: Assembly, stem: str) -> tuple[list[Path], list[str]]:
     from mocca_robot.fabrication.clearance import with_clearance
     from mocca_robot.files.mesh_write import write_parts
-    from mocca_robot.files.output import safe_file_names
     from mocca_robot.geometry.extrusion import surface
 
     flat = assembly
@@ -202,12 +198,12 @@ def _write_meshes(args: argparse.Namespace, assembly: Assembly, stem: str) -> tu
     meshes = [surface(p) for p in assembly.parts]
     assembly = assembly.with_shapes(meshes)
     if args.bed:
-        return _write_beds(args, flat, assembly, _prepare(Path(args.output or stem))), thin
+        return _write_beds(args, flat, assembly, make_folder(Path(args.output or stem))), thin
     if args.format in WHOLE:
         target = Path(args.output or f"{stem}.{args.format}")
-        _prepare(target.parent)
+        make_folder(target.parent)
         return [_write_whole(args.format, assembly, meshes, target)], thin
-    folder = _prepare(Path(args.output or stem))
+    folder = make_folder(Path(args.output or stem))
     names = safe_file_names(assembly.sequence)
     # Slicers read STL in millimetres; 3MF says its unit itself.
     unit = "mm" if args.format == "stl" else "m"
@@ -288,9 +284,3 @@ def _write_models(kind: str, assembly: Assembly, folder: Path) -> list[Path]:
     report = find_contacts(assembly)
     require_sound(assembly, report)
     return [export_mjcf(free_scene(assembly, contact_model(assembly, report.contacts)), folder)]
-
-
-def _prepare(folder: Path) -> Path:
-    from mocca_robot.files.output import writable_folder
-
-    return writable_folder(folder)

@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     """Return 0 after writing the manual and the bill."""
     from mocca_robot.cli.stages import read_contacts
     from mocca_robot.fabrication.bill import bill_csv
-    from mocca_robot.files.output import safe_file_names, target_file, write_atomic
+    from mocca_robot.files.output import prepare_file, safe_file_names, write_atomic
     from mocca_robot.motion.parts_graph import PartsGraph
     from mocca_robot.report.manual import manual, write_manual
     from mocca_robot.statics.cases import solve_case
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     stored = stored_design(Path(args.input))
     assembly = config.assembly
     beside = stored.parent if stored else Path("out") / safe_file_names([assembly.name])[assembly.name]
-    target = target_file(args.output, beside / "manual.html")
+    target = prepare_file(args.output, beside / "manual.html")
     if target.suffix.lower() not in (".html", ".pdf"):
         raise InputError(f"'{target}' ends in '{target.suffix}'; a manual is a .html or a .pdf.")
     report = read_contacts(assembly, console)

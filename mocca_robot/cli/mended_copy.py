@@ -63,9 +63,9 @@ def write_healed(config: Config, report: ContactReport, folder: Path, console: C
     from mocca_robot.contacts.healing import heal
     from mocca_robot.files.assembly_json import write_assembly
     from mocca_robot.files.documents import yaml_text
-    from mocca_robot.files.output import safe_file_names, writable_folder, write_atomic
+    from mocca_robot.files.output import make_folder, safe_file_names, write_atomic
 
-    writable_folder(folder)
+    make_folder(folder)
     assembly = replace(config.assembly, tolerance_m=_tolerance(config, report))
     with console.stage("heal"):
         healed = heal(assembly)

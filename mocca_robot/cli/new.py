@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     """Return 0 after writing the configuration."""
     from mocca_robot.config import starter
     from mocca_robot.files.fields import UNITS_M, choice
-    from mocca_robot.files.output import writable_folder, write_atomic
+    from mocca_robot.files.output import make_folder, write_atomic
 
     model = Path(args.name)
     if args.source is None and model.suffix.lower() not in ("", ".yaml", ".yml") and model.is_file():
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
         if file.exists() or file.is_symlink():
             raise InputError(f"'{file}' is there already and is kept; choose another name, or move it away.")
     source = starter.source_of(Path(args.source)) if args.source else None
-    writable_folder(folder)
+    make_folder(folder)
     if source is None:
         write_atomic(drawing, starter.DRAWING)
         source = starter.Source(starter.PARTS, drawing)

@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from mocca_robot.files.design_json import read_design
-    from mocca_robot.files.output import target_file
+    from mocca_robot.files.output import prepare_file
     from mocca_robot.plan.plan import write_plan
     from mocca_robot.plan.reader import file_sha256
     from planners.robot.build_plan import build_plan
@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
         if not 0.0 < args.size <= 10.0:
             raise InputError(f"--size is {args.size:g}; give the longest side in metres, above 0 and at most 10.")
         cell = replace(cell, build_size_m=args.size)
-    target = target_file(args.output, source.with_name("plan.json"))
+    target = prepare_file(args.output, source.with_name("plan.json"))
     names = [p.name for p in design.assembly.parts if not p.fixed]
     supports, cradles = (
         names if said == "all" else [n for n in said.split(",") if n] for said in (args.supports, args.cradles)

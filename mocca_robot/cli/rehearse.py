@@ -57,7 +57,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Return 0 when everything was placed and stands, 1 when not, 130 after Ctrl-C with what was seen until then."""
     from mocca_robot.files.design_json import read_design
-    from mocca_robot.files.output import writable_folder
+    from mocca_robot.files.output import make_folder
     from mocca_robot.plan.reader import read_plan
     from mocca_robot.report.rehearsal import write_rehearsal_page
     from sim.cell.cell_film import film, write_cell_film
@@ -75,9 +75,9 @@ def run(args: argparse.Namespace) -> int:
         if source is None or not Path(source).is_file():
             raise InputError(f"The design of {args.plan} is not where the plan says. Give it with --design.")
         design = read_design(source)
-    folder = writable_folder(args.output or args.plan.parent)
+    folder = make_folder(args.output or args.plan.parent)
     if args.film:
-        writable_folder(args.film.parent)
+        make_folder(args.film.parent)
     with console.stage("rehearse") as update, _Interruptible() as cancelled:
 
         def tell(part: PartRehearsal) -> None:

@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
     console = Console(args.json)
     config = arguments.read(args, console)
     questions = simulate.questions(args, config)
-    folder = arguments.output_folder(args, config.assembly.name)
+    folder = arguments.prepare_output(args, config.assembly.name)
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
     found = designing.design_in_order(config, contacts, folder, console)

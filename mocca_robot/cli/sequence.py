@@ -47,14 +47,14 @@ def run(args: argparse.Namespace) -> int:
     """Return 0 when an order was found, 1 with the reason otherwise."""
     from mocca_robot.cli.stages import read_contacts
     from mocca_robot.files.assembly_json import write_assembly
-    from mocca_robot.files.output import target_file
+    from mocca_robot.files.output import prepare_file
     from mocca_robot.motion.parts_graph import PartsGraph
     from planners.order.sequence import find_sequence, reordered
 
     console = Console(args.json)
     config = arguments.read(args, console, {} if args.friction is None else {"friction": args.friction})
     report = read_contacts(config.assembly, console)
-    target = None if args.output is None else target_file(args.output, Path("assembly.json"))
+    target = None if args.output is None else prepare_file(args.output, Path("assembly.json"))
     with console.stage("sequence") as show:
         found = find_sequence(
             PartsGraph.of(config.assembly, report.contacts),

@@ -114,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
     stored = stored_design(Path(args.input))
     if args.output is None and stored is not None:
         args.output = str(stored.parent)
-    folder = arguments.output_folder(args, config.assembly.name)
+    folder = arguments.prepare_output(args, config.assembly.name)
     contacts = stages.read_contacts(config.assembly, console)
     introduce(config.assembly, len(contacts.contacts), console)
     if stored is not None and not args.set:

@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
         stored = stored_design(Path(args.input))
     if args.output is None and stored is not None:
         args.output = str(stored.parent)
-    folder = arguments.output_folder(args, config.assembly.name)
+    folder = arguments.prepare_output(args, config.assembly.name)
     for note in config.notes:
         console.warn(f"note: {note}")
     with console.stage("contacts"):

@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         further = dict(_assignment(text) for text in args.set)
         study = read_study(args.study, further)
         study.config(study.points[0])  # what no point could survive is an error, not a table of errors
-    folder = arguments.output_folder(args, study.name)
+    folder = arguments.prepare_output(args, study.name)
     over = ", ".join(f"{key} ({len(values)})" for key, values in study.vary.items())
     console.say(f"{study.name}: {len(study.points)} points of '{study.base}' over {over}")
     store = TrialStore(folder / "points.jsonl")

@@ -35,13 +35,13 @@ def run(args: argparse.Namespace) -> int:
     if (plan_file := Path(args.input)).suffix == ".json" and is_plan(plan_file):
         return _play_plan(plan_file, args)
     from mocca_robot.cli.stages import read_contacts
-    from mocca_robot.files.output import writable_folder
+    from mocca_robot.files.output import make_folder
     from mocca_robot.motion.parts_graph import PartsGraph
     from sim.show.view import export_page, open_viewer, shown
 
     console = Console(args.json)
     if args.export:
-        writable_folder(Path(args.export).parent)
+        make_folder(Path(args.export).parent)
     config = arguments.read(args, console)
     report = read_contacts(config.assembly, console)
     if args.mujoco:
@@ -82,7 +82,7 @@ def _play_plan(path: Path, args: argparse.Namespace) -> int:
     """Write the page that plays a plan; InputError when its design is not there."""
     from mocca_robot.errors import InputError
     from mocca_robot.files.design_json import read_design
-    from mocca_robot.files.output import writable_folder
+    from mocca_robot.files.output import make_folder
     from mocca_robot.plan.reader import read_plan
     from mocca_robot.report.plan_page import write_plan_page
     from sim.cell.cell_film import film
@@ -92,7 +92,7 @@ def _play_plan(path: Path, args: argparse.Namespace) -> int:
     if args.mujoco or args.set:
         raise InputError(f"{path} is a plan: --mujoco and --set are for designs and assemblies.")
     target = Path(args.export) if args.export else path.with_suffix(".html")
-    writable_folder(target.parent)
+    make_folder(target.parent)
     with console.stage("read"):
         plan = read_plan(path)
         source = path.parent / plan.design if plan.design else None

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from mocca_robot.errors import InputError, nearest
 from mocca_robot.files.documents import parse_yaml, read_text
-from mocca_robot.files.output import writable_folder, write_atomic
+from mocca_robot.files.output import make_folder, write_atomic
 
 
 @dataclass(frozen=True)
@@ -70,5 +70,5 @@ def copy_examples(names: list[str], target: Path) -> list[Path]:
     for file, data in content.items():
         if file.exists() and (not file.is_file() or file.read_bytes() != data):
             raise InputError(f"'{file}' is there already and differs; name another folder (-o DIR) or move it away.")
-    writable_folder(target)
+    make_folder(target)
     return [write_atomic(file, data) for file, data in content.items()]

@@ -26,7 +26,7 @@ from mocca_robot.files.assembly_json import (
 )
 from mocca_robot.files.documents import parse_json, read_text
 from mocca_robot.files.goals import degrees
-from mocca_robot.files.output import writable_folder, write_json
+from mocca_robot.files.output import make_folder, write_json
 from mocca_robot.files.versions import ASSEMBLY, DESIGN
 
 KEYS = (
@@ -90,7 +90,7 @@ def write_design(design: Design, folder: str | Path) -> Path:
     Solids go to parts/NAME.obj and, as handed in, to source/NAME.obj; design.json is written last, so that it
     never names a file that is not there. Raises EnvironmentNeeded when the folder cannot be written.
     """
-    target = writable_folder(folder)
+    target = make_folder(folder)
     built = write_meshes(design.assembly, target, "parts")
     source = write_meshes(design.source, target, "source")
     return write_json(target / "design.json", design_to_data(design, built, source))

@@ -16,8 +16,8 @@ from mocca_robot.errors import EnvironmentNeeded
 _RESERVED = {"con", "prn", "aux", "nul", *(f"com{k}" for k in range(10)), *(f"lpt{k}" for k in range(10))}
 
 
-def writable_folder(path: str | Path) -> Path:
-    """Return `path` as a folder that exists and takes files; creates it. Call it before the work starts.
+def make_folder(path: str | Path) -> Path:
+    """Create the folder `path` if it is missing and return it, known to take files. Call it before the work starts.
 
     Raises EnvironmentNeeded when it cannot be created or written, or when its disk is full.
     """
@@ -35,15 +35,15 @@ def writable_folder(path: str | Path) -> Path:
     return folder
 
 
-def target_file(asked: str | None, default: Path) -> Path:
-    """Return the file to write: `asked`, or `default`; where `asked` is a folder, the file of that name in it.
+def prepare_file(asked: str | None, default: Path) -> Path:
+    """Create the folder of a file to write, and return the file: `asked` (in it, where it is a folder) or `default`.
 
-    Call it before the work starts: its folder is created, and EnvironmentNeeded raised when it takes no files.
+    Call it before the work starts: it raises EnvironmentNeeded when the folder takes no files.
     """
     target = default if asked is None else Path(asked)
     if asked is not None and (target.is_dir() or asked.endswith(("/", os.sep))):
         target /= default.name
-    writable_folder(target.parent)
+    make_folder(target.parent)
     return target
 
 
@@ -79,7 +79,7 @@ def move_into_place(folder: Path) -> Iterator[Path]:
 
     Raises EnvironmentNeeded when they cannot be written.
     """
-    writable_folder(folder)
+    make_folder(folder)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as temporary:
         try:
             yield Path(temporary)

@@ -16,7 +16,6 @@ from mocca_robot.plan.person import Person, after_grip, before_release
 from mocca_robot.plan.plan import Move, MoveKind, Plan, Step
 from mocca_robot.plan.status import ExecutionEvent, ExecutionStatus, MotionOutcome
 from mocca_robot.plan.supervision import Stopped
-from mocca_robot.tolerances import ROUNDING
 
 GUARDED = frozenset({MoveKind.APPROACH, MoveKind.PICK})
 ZEROED = frozenset({MoveKind.TRANSIT, MoveKind.APPROACH, MoveKind.INSERT})
@@ -206,13 +205,10 @@ def _grip(plan: Plan, step: Step, move: Move, arm: Motions) -> tuple[MotionOutco
                 found = f"{1e3 * grip.width_m:.1f} mm"
                 detail = f"part missing: the fingers closed to {found}, the part is {1e3 * grasp.width_m:.1f} mm wide"
             return MotionOutcome(ExecutionStatus.DEVIATED, detail, outcome.state), grip
-        mass = cell.tool_mass_kg + grasp.mass_kg
-        both = zip(cell.tool_cog_m, grasp.cog_m, strict=True)
-        x, y, z = ((cell.tool_mass_kg * a + grasp.mass_kg * b) / max(mass, ROUNDING) for a, b in both)
-        return arm.set_payload(mass, (x, y, z)), grip
+        return arm.set_payload(*cell.payload(grasp)), grip
     if words := not_open(grip, move.gripper_m, cell.limits):
         return MotionOutcome(ExecutionStatus.DEVIATED, words, outcome.state), grip
-    return arm.set_payload(cell.tool_mass_kg, cell.tool_cog_m), grip
+    return arm.set_payload(*cell.payload()), grip
 
 
 def _event(

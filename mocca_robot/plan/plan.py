@@ -22,6 +22,7 @@ from mocca_robot.files.versions import PLAN
 from mocca_robot.plan.limits import MotionLimits
 from mocca_robot.plan.pose import Six, Three
 from mocca_robot.plan.wiring import FingerWiring, VacuumWiring
+from mocca_robot.tolerances import ROUNDING
 
 
 class MoveKind(StrEnum):
@@ -137,6 +138,17 @@ class Cell:
     fingers: FingerWiring | None = None
     gripper_address: str = ""
     description: Mapping[str, Any] = field(default_factory=dict)
+
+    def payload(self, grasp: Grasp | None = None) -> tuple[float, Three]:
+        """Return the mass at the flange (kg) and its centre of gravity in the flange's frame (m): the gripper's, with
+        the part of `grasp` in it where one is given.
+        """
+        if grasp is None:
+            return self.tool_mass_kg, self.tool_cog_m
+        mass = self.tool_mass_kg + grasp.mass_kg
+        both = zip(self.tool_cog_m, grasp.cog_m, strict=True)
+        x, y, z = ((self.tool_mass_kg * a + grasp.mass_kg * b) / max(mass, ROUNDING) for a, b in both)
+        return mass, (x, y, z)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from mocca_robot.plan.plan import Move, MoveKind, Plan, Step
 from mocca_robot.plan.wiring import VacuumWiring, bank_and_number
-from mocca_robot.tolerances import ROUNDING
 from mocca_robot.ur.grippers import ROBOTIQ, RobotiqSocket
 from mocca_robot.ur.suction import FLICKER_S
 from mocca_robot.ur.urscript_text import number, numbers, plain
@@ -124,12 +123,9 @@ def _position(plan: Plan, opening_m: float) -> int:
 
 def grip(plan: Plan, step: Step, move: Move) -> list[str]:
     """Return what takes hold of a part, or lets it go, with the payload that goes with it."""
-    cell, grasp = plan.cell, step.grasp
     picks = move.kind is MoveKind.PICK
-    carried = cell.tool_mass_kg + (grasp.mass_kg if picks else 0.0)
-    both = zip(cell.tool_cog_m, grasp.cog_m, strict=True)
-    cog = [(cell.tool_mass_kg * a + grasp.mass_kg * b) / max(carried, ROUNDING) if picks else a for a, b in both]
-    payload = f"  set_payload({number(carried)}, {numbers(cog)})"
+    mass, cog = plan.cell.payload(step.grasp if picks else None)
+    payload = f"  set_payload({number(mass)}, {numbers(cog)})"
     if plan.gripper == "none":
         word = "Attach" if picks else "Detach"
         return [f'  popup("{word} part {plain(step.part)}.", title="mocca-robot", blocking=True)', payload]
@@ -138,11 +134,11 @@ def grip(plan: Plan, step: Step, move: Move) -> list[str]:
     fingers = ROBOTIQ[plan.gripper]
     stroke, (low, high) = fingers.STROKE_M, fingers.FORCE_N
     position = _position(plan, move.gripper_m)
-    force = round(255 * min(max((grasp.force_n - low) / (high - low), 0.0), 1.0))
+    force = round(255 * min(max((step.grasp.force_n - low) / (high - low), 0.0), 1.0))
     out = [f"  reached = grip({position}, {force})"]
     if picks:
-        wanted = round(255 * (1.0 - grasp.width_m / stroke))
-        slack = max(1, round(255 * cell.limits.grip_tolerance_m / stroke))
+        wanted = round(255 * (1.0 - step.grasp.width_m / stroke))
+        slack = max(1, round(255 * plan.cell.limits.grip_tolerance_m / stroke))
         out += [
             # OBJ 2: something stopped the fingers while they closed.
             '  stopped = socket_get_var("OBJ", "gripper")',

@@ -125,26 +125,12 @@ def _advance(d: int, dof: int) -> Advance:
     return advance
 
 
-_ADVANCE = {2: _advance(2, 3), 3: _advance(3, 6)}
+ADVANCE = {2: _advance(2, 3), 3: _advance(3, 6)}
+"""By dimension d: functions that take `steps` steps of unit length and change `state`.
 
-
-def advance(
-    springs: ContactSprings,
-    before: Array,
-    load: Array,
-    state: Resting,
-    taken: int,
-    steps: int,
-    ramp: int,
-    damping: float,
-    viscosity: float,
-) -> None:
-    """Take `steps` steps of unit length and change `state`.
-
-    The normal force is k · max(0, −gap); sliding does not lift. The tangential spring stretches with what moves across
-    and slips at μ times the normal force. Steps from `taken` on bring the load from `before` to `load` (P, dof), which
-    acts in full after `ramp` steps. `damping` holds a part back by that share of the force on it that nothing balances:
-    none where all is balanced, and none that could hold up what falls. `viscosity` (steps) damps what rattles in a
-    contact, never what slides.
-    """
-    _ADVANCE[springs.rows.shape[2]](springs, before, load, state, taken, steps, ramp, damping, viscosity)
+The normal force is k · max(0, −gap); sliding does not lift. The tangential spring stretches with what moves across
+and slips at μ times the normal force. Steps from `taken` on bring the load from `before` to `load` (P, dof), which
+acts in full after `ramp` steps. `damping` holds a part back by that share of the force on it that nothing balances:
+none where all is balanced, and none that could hold up what falls. `viscosity` (steps) damps what rattles in a
+contact, never what slides.
+"""

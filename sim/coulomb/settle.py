@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from mocca_robot.arrays import Array, read_only
-from sim.coulomb.kernel import Resting, advance
+from sim.coulomb.kernel import ADVANCE, Resting
 from sim.coulomb.springs import VISCOSITY, Springs
 
 
@@ -88,6 +88,7 @@ def settle(springs: Springs, wrenches: Array, course: Course = COURSE, after: Se
     moves. Points and normals stay where they are: the verdict is on the geometry as it is given.
     """
     load, unit = springs.load(wrenches)
+    advance = ADVANCE[springs.about.shape[1]]
     state, before = _at_rest(springs) if after is None else _copied(after.held)
     contacts = springs.contacts
     if after is None:

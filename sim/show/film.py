@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mocca_robot.arrays import Array
 from mocca_robot.errors import EnvironmentNeeded, InputError
-from mocca_robot.files.output import writable_folder, write_atomic
+from mocca_robot.files.output import make_folder, write_atomic
 from mocca_robot.geometry.extrusion import surface
 from mocca_robot.statics.loads import tilted_gravity
 from sim.motion import Motion, run
@@ -74,7 +74,7 @@ def write_images(images: Iterator[NDArray[np.uint8]], target: Path, options: Fil
     """Return `target` after writing images (height, width, 3) there: a .mp4 file, else a folder of PNG frames."""
     if target.suffix.lower() == ".mp4":
         return _write_mp4(images, target, options)
-    folder = writable_folder(target)
+    folder = make_folder(target)
     for number, frame in enumerate(images):
         write_atomic(folder / f"frame_{number:04d}.png", png(frame))
     return folder
@@ -172,7 +172,7 @@ def _write_mp4(images: Iterator[NDArray[np.uint8]], path: Path, options: FilmOpt
     import imageio_ffmpeg
 
     first = next(images)
-    writable_folder(path.parent)
+    make_folder(path.parent)
     size = (options.width, options.height)
     writer = imageio_ffmpeg.write_frames(str(path), size, fps=options.fps, macro_block_size=2, ffmpeg_log_level="error")
     writer.send(None)

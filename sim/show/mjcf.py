@@ -10,7 +10,7 @@ import numpy as np
 
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Mesh, Part
-from mocca_robot.files.output import safe_file_names, writable_folder, write_atomic
+from mocca_robot.files.output import make_folder, safe_file_names, write_atomic
 from mocca_robot.geometry.extrusion import surface
 from sim.scene import Scene, spec
 from sim.shapes.contact_model import embed
@@ -32,7 +32,7 @@ def export_mjcf(scene: Scene, folder: str | Path) -> Path:
     It opens in MuJoCo 3.3 and later and behaves like the scene: full precision, settings included, no outside
     files. Collision shapes are in group 3 (hidden by default), what is seen in group 1.
     """
-    target = writable_folder(folder)
+    target = make_folder(folder)
     names = safe_file_names(p.name for p in scene.assembly.parts)
     for index in np.flatnonzero(scene.present):
         part = scene.assembly.parts[int(index)]
@@ -53,7 +53,7 @@ def mjcf_text(scene: Scene, files: dict[str, str]) -> str:
 
 def export_urdf(assembly: Assembly, folder: str | Path) -> tuple[Path, ...]:
     """Return the paths of one URDF per part, each with its mesh; the frame is the part's centre of mass."""
-    target = writable_folder(folder)
+    target = make_folder(folder)
     names = safe_file_names(p.name for p in assembly.parts)
     paths = []
     for part in assembly.parts:

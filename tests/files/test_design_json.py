@@ -14,7 +14,7 @@ from mocca_robot.contacts.find import find_contacts
 from mocca_robot.design import CaseResult, Design, Insertion
 from mocca_robot.errors import EnvironmentNeeded, InputError
 from mocca_robot.files.design_json import read_design, write_design
-from mocca_robot.files.output import safe_file_names, writable_folder, write_atomic
+from mocca_robot.files.output import make_folder, safe_file_names, write_atomic
 from mocca_robot.joints.build2d import build_parts_2d
 from mocca_robot.joints.joint import Joint, planar
 
@@ -166,7 +166,7 @@ def test_a_folder_that_cannot_be_written_is_said_before_the_work(tmp_path: Path)
     (tmp_path / "file").write_text("x")
     for impossible in (tmp_path / "file" / "out", tmp_path / ("x" * 300), Path("/proc/out")):
         with pytest.raises(EnvironmentNeeded, match="-o DIR"):
-            writable_folder(impossible)
+            make_folder(impossible)
     with pytest.raises(EnvironmentNeeded, match="cannot be written"):
         write_atomic(tmp_path / "file" / "out.json", "x")
 

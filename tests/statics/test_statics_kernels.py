@@ -114,8 +114,8 @@ def test_slopes_that_are_not_symmetric_are_solved(case: Case) -> None:
     blocks = case.system.blocks
     rng = np.random.default_rng(2)
     grams = blocks.gram(np.ones(len(blocks.source))) + 0.3 * rng.normal(size=(len(blocks.first), 6, 6))
-    mass, right = 0.1 * blocks.own_gram, rng.normal(size=blocks.size)
-    slope = Slope.of(blocks, mass, grams)
+    diagonal, right = 0.1 * blocks.own_gram, rng.normal(size=blocks.size)
+    slope = Slope.of(blocks, diagonal, grams)
     dense = np.stack([slope.times(column) for column in np.eye(blocks.size)], axis=1)
     assert np.abs(dense - dense.T).max() > 0.1
     answer = slope.solve(right)

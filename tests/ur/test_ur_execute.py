@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from ur_cell import CELL, SERIAL, command, environment, fake_controller, loopback, run, small_plan, undisturbed, written
 
+from mocca_robot.cli.build import Signals
 from mocca_robot.errors import EnvironmentNeeded, InputError
 from mocca_robot.plan.executor import execute
 from mocca_robot.plan.journal import Journal, read_journal
@@ -249,6 +250,17 @@ def test_jam_is_left_backwards_and_the_retry_elsewhere_in_the_cone_succeeds(tmp_
     inserted = next(e for e in result.events if e.event == "move_finished" and e.kind == "insert")
     assert inserted.tcp is not None
     assert math.dist(inserted.tcp[:3], ONE.steps[0].moves[3].path[-1].tcp[:3]) < 1.5e-3
+
+
+def test_a_system_without_some_of_the_signals_hears_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Windows has no SIGHUP."""
+    monkeypatch.delattr(signal, "SIGHUP", raising=False)
+    before = signal.getsignal(signal.SIGTERM)
+    with Signals() as interrupted:
+        assert interrupted() == ""
+        signal.raise_signal(signal.SIGTERM)
+        assert interrupted() == "cancelled by the user"
+    assert signal.getsignal(signal.SIGTERM) is before
 
 
 @undisturbed

@@ -11,7 +11,7 @@ from mocca_robot.cli.studio.session import Session
 from mocca_robot.errors import InputError
 from mocca_robot.files import fields
 from mocca_robot.files.documents import yaml_text
-from mocca_robot.files.output import safe_file_names, writable_folder, write_atomic
+from mocca_robot.files.output import make_folder, safe_file_names, write_atomic
 
 Asked = Mapping[str, Any]
 
@@ -60,7 +60,7 @@ def _ask(session: Session, asked: Asked) -> None:
 def _save(session: Session, asked: Asked) -> dict[str, Any]:
     given = os.path.expanduser(fields.text(asked.get("path"), "path").strip())
     target = session.start / (given if given.lower().endswith((".yaml", ".yml")) else f"{given}.yaml")
-    writable_folder(target.parent)
+    make_folder(target.parent)
     return {"path": str(session.save(target, bool(asked.get("overwrite"))))}
 
 
@@ -69,7 +69,7 @@ def _job(session: Session, asked: Asked) -> dict[str, Any]:
     name = safe_file_names([session.source.stem])[session.source.stem]
     text = session.text()
     number = len(session.jobs.listed()) + 1
-    folder = writable_folder(session.start / "out" / name)
+    folder = make_folder(session.start / "out" / name)
     file = write_atomic(session.folder / f"job-{number}" / f"{name}.yaml", text)
     title, command, results = JOBS[kind](file, folder, asked)
     return {"job": session.jobs.start(title, command, results).data()}
@@ -104,7 +104,7 @@ def _study(file: Path, folder: Path, asked: Asked) -> tuple[str, list[str], Path
         raise InputError("A study needs a list of values, at most 100.")
     content = f"base: {yaml_text(file.name)}\nvary: {yaml_text({key: values})}\nstages: [design]\n"
     study = write_atomic(file.parent / f"{file.stem}-study.yaml", content)
-    results = writable_folder(folder / "study")
+    results = make_folder(folder / "study")
     return f"Study of {key}", ["study", str(study), "-o", str(results)], results
 
 

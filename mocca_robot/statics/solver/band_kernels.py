@@ -9,15 +9,15 @@ from mocca_robot.runtime.compiled import compiled
 
 
 @compiled
-def assemble(mass: Array, grams: Array, first: IntArray, second: IntArray, place: IntArray, band: Array) -> None:
-    """Set the lower band (n, width + 1) of the matrix with `mass` and +H_p on, −H_p off its diagonal blocks.
+def assemble(diagonal: Array, grams: Array, first: IntArray, second: IntArray, place: IntArray, band: Array) -> None:
+    """Set the lower band (n, width + 1) of the matrix with `diagonal` and +H_p on, −H_p off its diagonal blocks.
 
     band[c, r − c] is the entry in row r and column c. Free part f has the unknowns dof·place[f] ….
     """
-    free = len(mass)
+    free = len(diagonal)
     band[:] = 0.0
     for f in range(free):
-        _add(band, place[f], place[f], mass[f], 1.0)
+        _add(band, place[f], place[f], diagonal[f], 1.0)
     for p in range(len(grams)):
         i, j = first[p], second[p]
         if i < free:

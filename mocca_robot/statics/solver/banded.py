@@ -67,10 +67,10 @@ class BandedLayout:
         """Return memory for a factor, (n, width): one column of the lower band a row."""
         return np.empty((len(self.position), self.width))
 
-    def factor(self, mass: Array, gram: Array, room: Array | None = None) -> BandedFactor:
+    def factor(self, diagonal: Array, gram: Array, room: Array | None = None) -> BandedFactor:
         """Return the factor; see `factors.Layout`."""
         band = self.room() if room is None else room
-        band_kernels.assemble(mass, gram, self.first, self.second, self.place, band)
+        band_kernels.assemble(diagonal, gram, self.first, self.second, self.place, band)
         require_positive(band_kernels.factorize(band, self.ends), len(self.position))
         return BandedFactor(band, self.ends, self.position)
 

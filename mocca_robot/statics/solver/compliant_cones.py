@@ -51,8 +51,8 @@ class CompliantCones:
     overlap: Array
 
     @cached_property
-    def mass(self) -> Array:
-        """Return (F, dof, dof) the inertia, kept from being nothing."""
+    def diagonal(self) -> Array:
+        """Return (F, dof, dof) the diagonal of the normal matrix without grams: inertia, never quite nothing."""
         return np.asarray(self.inertia + REGULAR * self.blocks.own_gram)
 
     def moved(self, u: Array) -> Array:
@@ -130,7 +130,7 @@ def _step(problem: CompliantCones, s: Array, z: Array, r_dual: Array, r_primal: 
     cone_kernels.gram_of_stiffness(blocks.rays, blocks.starts, stiff, gram)
     if not np.isfinite(gram).all():
         raise NotPositiveDefinite("Rounding has left no scaling of the cones.")
-    factor = blocks.layout.factor(problem.mass, gram)
+    factor = blocks.layout.factor(problem.diagonal, gram)
     mu = float((s * z).sum()) / s.shape[1]
 
     def direction(q: Array) -> tuple[Array, Array, Array]:

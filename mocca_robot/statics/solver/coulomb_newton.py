@@ -67,7 +67,7 @@ def newton(problem: CompliantCones, u: Array, most_steps: int = MOST_STEPS) -> C
     for _ in range(most_steps):
         if point.error <= EXACT or stalled > STALLED_AFTER:
             break
-        du = Slope.of(problem.blocks, problem.mass, point.grams).solve(point.residual)
+        du = Slope.of(problem.blocks, problem.diagonal, point.grams).solve(point.residual)
         new = None if du is None else _shortened(problem, point.u, du, max(errors[-WINDOW:]))
         if new is None:
             break

@@ -25,8 +25,8 @@ class FactorLayout(Protocol):
     def room(self) -> Array:
         """Return memory for a factor."""
 
-    def factor(self, mass: Array, gram: Array, room: Array | None = None) -> Factor:
-        """Return the Cholesky factor of the matrix with +H_p on, and −H_p off the diagonal, plus `mass`.
+    def factor(self, diagonal: Array, gram: Array, room: Array | None = None) -> Factor:
+        """Return the Cholesky factor of the matrix with +H_p on, and −H_p off the diagonal, plus `diagonal` on it.
 
         In `room` it lasts until the next one there; memory taken anew costs a tenth of the time. Raises
         NotPositiveDefinite.

@@ -15,7 +15,7 @@ from mocca_robot.runtime.compiled import compiled
 
 @compiled
 def assemble(
-    mass: Array,
+    diagonal: Array,
     grams: Array,
     first: IntArray,
     second: IntArray,
@@ -25,12 +25,12 @@ def assemble(
     low: Array,
     up: Array,
 ) -> None:
-    """Set `low` and `up` to the matrix with `mass` and +H_p on, −H_p off its diagonal blocks."""
-    free = len(mass)
+    """Set `low` and `up` to the matrix with the blocks `diagonal` and +H_p on, −H_p off its diagonal blocks."""
+    free = len(diagonal)
     low[:] = 0.0
     up[:] = 0.0
     for f in range(free):
-        low[starts[place[f]]] += mass[f]
+        low[starts[place[f]]] += diagonal[f]
     for p in range(len(grams)):
         i, j = first[p], second[p]
         if i < free:

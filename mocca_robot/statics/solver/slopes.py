@@ -18,29 +18,29 @@ from mocca_robot.statics.solver.blocks import PairBlocks
 
 @dataclass(frozen=True, eq=False)
 class Slope:
-    """A factor of mass (F, dof, dof) on the diagonal and grams (P, dof, dof) between the parts of every pair."""
+    """A factored matrix of blocks: `diagonal` (F, dof, dof) of the free parts, `grams` (P, dof, dof) of the pairs."""
 
     blocks: PairBlocks
-    mass: Array
+    diagonal: Array
     grams: Array
     low: Array
     up: Array
 
     @classmethod
-    def of(cls, blocks: PairBlocks, mass: Array, grams: Array) -> Slope:
+    def of(cls, blocks: PairBlocks, diagonal: Array, grams: Array) -> Slope:
         """Return the factor."""
         it = blocks.sparse
         low = np.empty((len(it.rows), it.dof, it.dof))
         up = np.empty_like(low)
-        lu_kernels.assemble(mass, grams, it.first, it.second, it.place, it.starts, it.below, low, up)
+        lu_kernels.assemble(diagonal, grams, it.first, it.second, it.place, it.starts, it.below, low, up)
         lu_kernels.factorize(it.starts, it.rows, low, up)
-        return cls(blocks, mass, grams, low, up)
+        return cls(blocks, diagonal, grams, low, up)
 
     def times(self, u: Array) -> Array:
         """Return the matrix times u, (n,)."""
         blocks = self.blocks
         pulled = (self.grams @ blocks.relative(u)[:, :, None])[:, :, 0]
-        return blocks.gathered(pulled) + np.asarray((self.mass @ u.reshape(-1, blocks.dof, 1)).ravel())
+        return blocks.gathered(pulled) + np.asarray((self.diagonal @ u.reshape(-1, blocks.dof, 1)).ravel())
 
     def solve(self, right: Array) -> Array | None:
         """Return the solution for one right-hand side (n,), refined once; None where the matrix is singular."""

@@ -62,10 +62,10 @@ class SparseLayout:
         """Return memory for a factor."""
         return np.empty(self.dof**2 * len(self.rows))
 
-    def factor(self, mass: Array, gram: Array, room: Array | None = None) -> SparseFactor:
+    def factor(self, diagonal: Array, gram: Array, room: Array | None = None) -> SparseFactor:
         """Return the factor; see `factors.Layout`."""
         values = self.room() if room is None else room
-        sparse_kernels.assemble(mass, gram, self.first, self.second, self.place, self.starts, self.below, values)
+        sparse_kernels.assemble(diagonal, gram, self.first, self.second, self.place, self.starts, self.below, values)
         pivot = sparse_kernels.factorize(self.starts, self.rows, self.dof, values)
         require_positive(pivot, self.dof * len(self.place))
         return SparseFactor(self, values)

@@ -15,7 +15,7 @@ from mocca_robot.runtime.compiled import compiled
 
 @compiled
 def assemble(
-    mass: Array,
+    diagonal: Array,
     grams: Array,
     first: IntArray,
     second: IntArray,
@@ -24,14 +24,14 @@ def assemble(
     below: IntArray,
     values: Array,
 ) -> None:
-    """Set `values` to the matrix with `mass` and +H_p on, −H_p off its diagonal blocks.
+    """Set `values` to the matrix with the blocks `diagonal` and +H_p on, −H_p off its diagonal blocks.
 
     below[p] is which block of its column the one of pair p is; 0 where one of the two is not free.
     """
-    free = len(mass)
+    free = len(diagonal)
     values[:] = 0.0
     for f in range(free):
-        _add(values, starts, place[f], 0, mass[f], 1.0)
+        _add(values, starts, place[f], 0, diagonal[f], 1.0)
     for p in range(len(grams)):
         i, j = first[p], second[p]
         if i < free:
