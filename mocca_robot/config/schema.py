@@ -230,7 +230,7 @@ KEYS: tuple[Key, ...] = (
         "solid ones also a block with straight flanks (frustum), which holds more and is tried where bumps fail. After "
         "that come blocks that follow the contact's outline (outline), ribs along one side (rib), bumps with four free "
         "heights (free) and several bumps on a contact (several); only where named, grids of heights (heights). Solid "
-        "parts may have n, or your `joints.profile`, whether it is named or not.",
+        "parts begin with n, which has to be named, or with your `joints.profile`.",
         known=JOINT_KINDS,
     ),
     Key(
