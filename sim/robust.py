@@ -118,7 +118,7 @@ def robust_trial(
                 tuple(options.shift * rng.standard_normal(drawn.dimension - 1)),
                 float(options.turn * rng.standard_normal()),
             )
-            ready = insertion_scene(drawn, contacts, cone, resting=resting, clearance=clearance, friction=friction)
+            ready = insertion_scene(placed, cone, resting=resting, clearance=clearance, friction=friction)
             trial = insert(ready, Direction("axis", cone.axis), error=error, hand=HandOptions())
             if not trial.succeeded:
                 return {**row, "failure": f"{part.name}: {trial.reason}", "kind": f"insertion of {part.name}"}

@@ -91,8 +91,7 @@ def insertion_rows(
     if isinstance(resting, Carried):
         resting = holding_model(graph, resting.rays, resting.state, ask.friction)
     ready = insertion_scene(
-        graph.assembly,
-        graph.contacts,
+        graph,
         cone,
         resting=resting,
         clearance=clearance,

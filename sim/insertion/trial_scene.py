@@ -10,6 +10,7 @@ import numpy as np
 from mocca_robot.arrays import Array, BoolArray, IntArray
 from mocca_robot.assembly import Assembly
 from mocca_robot.contacts.contact import Contact
+from mocca_robot.motion.parts_graph import PartsGraph
 from sim.insertion.directions import InsertionCone
 from sim.insertion.hand import HAND, HandOptions, HandPath
 from sim.motion import LOOK, displacement_and_speed, let_go_gently, reach
@@ -65,8 +66,7 @@ class InsertionScene:
 
 
 def insertion_scene(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
+    graph: PartsGraph,
     cone: InsertionCone,
     *,
     resting: ContactModel | None = None,
@@ -79,10 +79,9 @@ def insertion_scene(
 
     `resting` is `resting_model` of the assembly, when it is at hand. `below` is 'held' or 'free'.
     """
-    index = cone.part
-    model = insertion_model(assembly, contacts, index, clearance, below, resting)
-    mine = [c for c in contacts if c.parts[1] == index]
-    polygons = [c.polygon for c in mine]
+    assembly, index = graph.assembly, cone.part
+    model = insertion_model(graph, index, clearance, below, resting)
+    polygons = [c.polygon for m in graph.placed(index).before for c in m.contacts]
     present = np.arange(len(assembly.parts)) <= index
     held = np.arange(len(assembly.parts)) < index if below == "held" else assembly.fixed
     weight = assembly.parts[index].mass * float(np.linalg.norm(assembly.gravity))
@@ -102,10 +101,10 @@ def insertion_scene(
     ready = InsertionScene(
         compiled=compile_scene(scene), cone=cone, clearance=clearance, below=below, travel_points=points
     )
-    return ready if below == "held" else _settled(ready, {c.parts[0] for c in mine}, hand)
+    return ready if below == "held" else _settled(ready, graph.neighbours_before(index), hand)
 
 
-def _settled(ready: InsertionScene, neighbours: set[int], hand: HandOptions) -> InsertionScene:
+def _settled(ready: InsertionScene, neighbours: Sequence[int], hand: HandOptions) -> InsertionScene:
     """Return the scene with the step that its free parts need to keep their places, and how far the neighbours sink."""
     first = ready.compiled
     for divisor in (1.0, *LIMITS.finer):
@@ -116,7 +115,7 @@ def _settled(ready: InsertionScene, neighbours: set[int], hand: HandOptions) -> 
         if (sunk <= KEEPS).all() and (speed <= LIMITS.speed).all():
             break
     size = 2.0 * reach(first.scene.assembly)[first.parts]
-    met = np.isin(first.parts, list(neighbours))
+    met = np.isin(first.parts, neighbours)
     return replace(ready, sunk=float((sunk * size)[met].max(initial=0.0)))
 
 
@@ -163,14 +162,14 @@ def resting_model(assembly: Assembly, contacts: Sequence[Contact]) -> ContactMod
 
 
 def insertion_model(
-    assembly: Assembly,
-    contacts: Sequence[Contact],
+    graph: PartsGraph,
     part: int,
     clearance: float,
     below: str = "held",
     resting: ContactModel | None = None,
 ) -> ContactModel:
     """Return the contact model that stays true while `part`, smaller by `clearance`, travels; see `trial_scene`."""
+    assembly, contacts = graph.assembly, graph.contacts
     if assembly.dimension == 2:
         return flat_pieces(assembly, resting_model(assembly, contacts) if resting is None else resting, part, clearance)
     if below == "held":

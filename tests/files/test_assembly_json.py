@@ -128,7 +128,7 @@ def test_the_sequence_orders_the_parts_and_fixed_ones_come_first(tmp_path: Path)
         ({"format": "mocca-robot/asembly"}, "mocca-robot/assembly"),
         ({"version": 2}, "version 2.*up to version 1.*Upgrade"),
         ({"version": "one"}, "whole number"),
-        ({"units": None}, "units is None"),
+        ({"units": None}, "units is null"),
         ({"units": "mmm"}, "did you mean 'mm'"),
         ({"dimension": 4}, "dimension is 4"),
         ({"parts": []}, "at least one part"),

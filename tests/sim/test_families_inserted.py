@@ -50,7 +50,7 @@ def test_all_ways_inside_the_cone_succeed_and_none_three_degrees_outside(name: s
     assembly = build_parts(flat, [joint])
     contacts = find_contacts(assembly).contacts
     cone = insertion_cone(PartsGraph.of(assembly, contacts), 1)
-    ready = insertion_scene(assembly, contacts, cone)
+    ready = insertion_scene(PartsGraph.of(assembly, contacts), cone)
     found = [insert(ready, way) for way in directions(cone, 5)]
     inside, outside = ([t for t in found if (t.kind == "outside") is out] for out in (False, True))
     assert "rim" in {t.kind for t in inside} and len(outside) == 8

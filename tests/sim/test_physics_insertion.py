@@ -47,7 +47,7 @@ def trials(assembly, contacts, count=9, **scene):
         if part.fixed:
             continue
         cone = insertion_cone(PartsGraph.of(assembly, contacts), index)
-        ready = insertion_scene(assembly, contacts, cone, **scene)
+        ready = insertion_scene(PartsGraph.of(assembly, contacts), cone, **scene)
         for way in directions(cone, count):
             yield insert(ready, way)
 
@@ -57,8 +57,8 @@ def test_parts_that_are_all_held_are_not_collided_with_each_other():
     assembly, contacts = jointed(stack(4))
     top = len(assembly.parts) - 1
     cone = insertion_cone(PartsGraph.of(assembly, contacts), top)
-    held = insertion_scene(assembly, contacts, cone).compiled.model
-    free = insertion_scene(assembly, contacts, cone, below="free").compiled.model
+    held = insertion_scene(PartsGraph.of(assembly, contacts), cone).compiled.model
+    free = insertion_scene(PartsGraph.of(assembly, contacts), cone, below="free").compiled.model
     assert held.npair == 0 and free.npair > 0
     bodies = free.geom_bodyid[free.pair_geom1], free.geom_bodyid[free.pair_geom2]
     assert (free.body_dofnum[bodies[0]] + free.body_dofnum[bodies[1]] > 0).all()
@@ -86,7 +86,7 @@ def test_play_frees_the_part_entirely(clearance):
 def test_the_grips_error_costs_no_more_than_its_springs(error):
     assembly, contacts = jointed(stack(1))
     cone = insertion_cone(PartsGraph.of(assembly, contacts), 1)
-    found = insert(insertion_scene(assembly, contacts, cone), directions(cone, 1)[0], error=error)
+    found = insert(insertion_scene(PartsGraph.of(assembly, contacts), cone), directions(cone, 1)[0], error=error)
     assert found.succeeded, found.reason
     assert found.peak_force > 0.1 * found.allowed_force
 
@@ -94,7 +94,7 @@ def test_the_grips_error_costs_no_more_than_its_springs(error):
 def test_parts_below_that_are_free_stay_where_they_are():
     assembly, contacts = jointed(stack(3))
     cone = insertion_cone(PartsGraph.of(assembly, contacts), 3)
-    ready = insertion_scene(assembly, contacts, cone, below="free")
+    ready = insertion_scene(PartsGraph.of(assembly, contacts), cone, below="free")
     inside = [insert(ready, way) for way in directions(cone, 3) if way.kind != "outside"]
     assert all(t.succeeded and t.below == "free" and not t.moved_below for t in inside)
 
@@ -102,7 +102,7 @@ def test_parts_below_that_are_free_stay_where_they_are():
 def test_a_seat_that_sinks_is_met_gently_and_held_ones_do_not_sink():
     assembly, contacts = jointed(stack(3))
     cone = insertion_cone(PartsGraph.of(assembly, contacts), 3)
-    free, held = (insertion_scene(assembly, contacts, cone, below=b) for b in ("free", "held"))
+    free, held = (insertion_scene(PartsGraph.of(assembly, contacts), cone, below=b) for b in ("free", "held"))
     assert held.sunk == 0.0 and held.finer == free.finer == 1.0
     assert 0.0 < free.sunk < 1e-3 * np.ptp(assembly.parts[3].shape.bounds, axis=0).max()
     axis = directions(cone, 1)[0]
@@ -115,11 +115,11 @@ def test_a_seat_that_sinks_is_met_gently_and_held_ones_do_not_sink():
 def test_what_does_not_keep_its_place_gets_a_finer_step(monkeypatch):
     assembly, contacts = jointed(stack(3))
     cone = insertion_cone(PartsGraph.of(assembly, contacts), 3)
-    coarse = insertion_scene(assembly, contacts, cone, below="free")
+    coarse = insertion_scene(PartsGraph.of(assembly, contacts), cone, below="free")
     monkeypatch.setattr(
         "sim.insertion.trial_scene.KEEPS", 0.5 * coarse.sunk / np.ptp(assembly.parts[3].shape.bounds, axis=0).max()
     )
-    fine = insertion_scene(assembly, contacts, cone, below="free")
+    fine = insertion_scene(PartsGraph.of(assembly, contacts), cone, below="free")
     assert fine.finer > 1.0 and fine.sunk < 0.5 * coarse.sunk
     assert insert(fine, directions(cone, 1)[0]).succeeded
 
@@ -127,7 +127,7 @@ def test_what_does_not_keep_its_place_gets_a_finer_step(monkeypatch):
 def test_a_part_driven_from_outside_pushes_free_parts_away():
     assembly, contacts = jointed(stack(2), 0.3)
     cone = insertion_cone(PartsGraph.of(assembly, contacts), 2)
-    ready = insertion_scene(assembly, contacts, cone, below="free")
+    ready = insertion_scene(PartsGraph.of(assembly, contacts), cone, below="free")
     assert not any(insert(ready, way).succeeded for way in directions(cone, 1) if way.kind == "outside")
 
 
@@ -155,7 +155,9 @@ def test_a_blocked_part_has_no_way_inside():
 def test_clearance_that_leaves_nothing_is_refused():
     assembly, contacts = jointed(stack(1))
     with pytest.raises(InputError, match="Nothing of part 'b0' is left"):
-        insertion_scene(assembly, contacts, insertion_cone(PartsGraph.of(assembly, contacts), 1), clearance=0.03)
+        insertion_scene(
+            PartsGraph.of(assembly, contacts), insertion_cone(PartsGraph.of(assembly, contacts), 1), clearance=0.03
+        )
 
 
 def test_a_stiffer_hand_pushes_harder_outside():
@@ -165,7 +167,9 @@ def test_a_stiffer_hand_pushes_harder_outside():
     forces = []
     for stiffness in (300.0, 1250.0):
         hand = HandOptions(stiffness=stiffness, weight_share=1e3)
-        forces.append(insert(insertion_scene(assembly, contacts, cone, hand=hand), way, hand=hand).peak_force)
+        forces.append(
+            insert(insertion_scene(PartsGraph.of(assembly, contacts), cone, hand=hand), way, hand=hand).peak_force
+        )
     assert forces[0] < forces[1]
 
 
@@ -215,7 +219,7 @@ def test_a_curved_solid_joint_lets_in_and_holds_what_its_cone_says(height):
 
 def test_resting_flat_parts_meet_only_where_they_share_a_contact_and_the_driven_one_meets_all():
     assembly, contacts = jointed(stack(3))
-    model = insertion_model(assembly, contacts, 3, 0.0)
+    model = insertion_model(PartsGraph.of(assembly, contacts), 3, 0.0)
     assert {g.role for g in model.geoms if g.part == 3} == {"point"}
     assert {g.role for g in model.geoms if g.part < 3} == {"face"}
     touching = {c.parts for c in contacts if 3 not in c.parts}
@@ -226,5 +230,5 @@ def test_the_hand_is_where_it_should_be_after_every_step():
     """Commands computed once for the whole path: without contact the part follows to rounding."""
     assembly, contacts = jointed(stack(2))
     cone = insertion_cone(PartsGraph.of(assembly, contacts), 2)
-    found = insert(insertion_scene(assembly, contacts, cone), directions(cone, 1)[0])
+    found = insert(insertion_scene(PartsGraph.of(assembly, contacts), cone), directions(cone, 1)[0])
     assert found.succeeded and found.tracking_error < 1e-9
