@@ -76,7 +76,7 @@ def write_healed(config: Config, report: ContactReport, folder: Path, console: C
     changed = max((abs(v), v, name) for v, name in zip(healed.volume_change, assembly.sequence))
     console.say(
         f"healed within {assembly.tolerance_m * 1e3:.3g} mm: corners moved by at most {moved[0] * 1e3:.3g} mm "
-        f"('{moved[1]}'), volumes changed by at most {changed[1]:.2g} of a part ('{changed[2]}')"
+        f"('{moved[1]}'), volumes changed by at most {abs(changed[1]):.2g} of a part ('{changed[2]}')"
     )
     for a, b in healed.cut[:SHOWN]:
         console.say(f"cut: what '{a}' and '{b}' still shared, from the later one")
