@@ -482,7 +482,7 @@ def test_numbers_read_well(value: float, text: str) -> None:
     assert significant(value) == text
 
 
-def test_trials_onto_a_state_that_needs_support_are_no_disagreement() -> None:
+def test_onto_a_state_that_needs_support_a_held_trial_that_fails_disagrees_a_free_one_does_not() -> None:
     design = designed(curved=False)
     relaxed = dataclasses.replace(design, assembly=dataclasses.replace(design.assembly, goals=(Equilibrium(),)))
     data = collect(dataclasses.replace(relaxed, load_cases=()), tilts=())
