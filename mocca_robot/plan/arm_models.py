@@ -10,7 +10,7 @@ give the older names. UR8 Long, UR15 and UR18 are not here: their link lengths w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -121,6 +121,26 @@ def _degrees(*values: float) -> Six:
     return float(a), float(b), float(c), float(d), float(e), float(f)
 
 
+_UR5E = RobotModel(
+    name="ur5e",
+    dashboard_name="UR5",
+    d=(0.1625, 0, 0, 0.1333, 0.0997, 0.0996),
+    a=(0, -0.425, -0.3922, 0, 0, 0),
+    joint_speed_rad_s=_degrees(180, 180, 180, 180, 180, 180),
+    reach_m=0.85,
+    payload_kg=5.0,
+)
+_UR10E = RobotModel(
+    name="ur10e",
+    dashboard_name="UR10",
+    d=(0.1807, 0, 0, 0.17415, 0.11985, 0.11655),
+    a=(0, -0.6127, -0.57155, 0, 0, 0),
+    joint_speed_rad_s=_degrees(120, 120, 180, 180, 180, 180),
+    reach_m=1.3,
+    payload_kg=12.5,
+    contact_force_n=8.0,
+)
+# Universal Robots gives the newer arms the kinematics of the older ones, with payloads of their own.
 MODELS = MappingProxyType(
     {
         m.name: m
@@ -134,44 +154,10 @@ MODELS = MappingProxyType(
                 reach_m=0.5,
                 payload_kg=3.0,
             ),
-            RobotModel(
-                name="ur5e",
-                dashboard_name="UR5",
-                d=(0.1625, 0, 0, 0.1333, 0.0997, 0.0996),
-                a=(0, -0.425, -0.3922, 0, 0, 0),
-                joint_speed_rad_s=_degrees(180, 180, 180, 180, 180, 180),
-                reach_m=0.85,
-                payload_kg=5.0,
-            ),
-            RobotModel(
-                name="ur7e",
-                dashboard_name="UR5",
-                d=(0.1625, 0, 0, 0.1333, 0.0997, 0.0996),
-                a=(0, -0.425, -0.3922, 0, 0, 0),
-                joint_speed_rad_s=_degrees(180, 180, 180, 180, 180, 180),
-                reach_m=0.85,
-                payload_kg=7.5,
-            ),
-            RobotModel(
-                name="ur10e",
-                dashboard_name="UR10",
-                d=(0.1807, 0, 0, 0.17415, 0.11985, 0.11655),
-                a=(0, -0.6127, -0.57155, 0, 0, 0),
-                joint_speed_rad_s=_degrees(120, 120, 180, 180, 180, 180),
-                reach_m=1.3,
-                payload_kg=12.5,
-                contact_force_n=8.0,
-            ),
-            RobotModel(
-                name="ur12e",
-                dashboard_name="UR10",
-                d=(0.1807, 0, 0, 0.17415, 0.11985, 0.11655),
-                a=(0, -0.6127, -0.57155, 0, 0, 0),
-                joint_speed_rad_s=_degrees(120, 120, 180, 180, 180, 180),
-                reach_m=1.3,
-                payload_kg=12.5,
-                contact_force_n=8.0,
-            ),
+            _UR5E,
+            replace(_UR5E, name="ur7e", payload_kg=7.5),
+            _UR10E,
+            replace(_UR10E, name="ur12e"),
             RobotModel(
                 name="ur16e",
                 dashboard_name="UR16",
