@@ -191,7 +191,8 @@ def random_case(kind: str, seed: int) -> Comparison | str:
         return str(error)
 
 
-def _config_cases(quick: bool, only: str | None) -> Iterator[tuple[str, Callable[[], Comparison | str]]]:
+def built_configs(quick: bool, only: str | None) -> Iterator[tuple[str, Assembly]]:
+    """Yield name and built assembly of every configuration that is asked for; flat ones only where `quick`."""
     for path in sorted(CONFIGS.glob("*.yaml")):
         if only and only not in path.stem and not only.startswith(f"{path.stem} "):
             continue
@@ -199,9 +200,14 @@ def _config_cases(quick: bool, only: str | None) -> Iterator[tuple[str, Callable
         if quick and config.assembly.dimension == 3:
             continue
         built = design(config.assembly, config.joints, insertion=dict(config.insertion) or None).design.assembly
+        yield path.stem, built
+
+
+def _config_cases(quick: bool, only: str | None) -> Iterator[tuple[str, Callable[[], Comparison | str]]]:
+    for stem, built in built_configs(quick, only):
         for friction in CONFIG_FRICTIONS:
             for azimuth in azimuths(built, 8):
-                name = f"{path.stem} µ {friction:g} {np.rad2deg(azimuth):.0f}°"
+                name = f"{stem} µ {friction:g} {np.rad2deg(azimuth):.0f}°"
                 yield name, partial(compared, built, friction, float(azimuth))
 
 

@@ -12,20 +12,18 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks.agreement import CONFIGS, rows
+from benchmarks.agreement import built_configs, rows
 from benchmarks.measurement import Measurement
 from benchmarks.random_assemblies import random_assembly, random_solid
 from mocca_robot.actions import Action, AddedMass, BodyAcceleration, LineForce, PointForce, Pressure, Wind
 from mocca_robot.arrays import Array
 from mocca_robot.assembly import Assembly, Polygon
-from mocca_robot.config.config import load
 from mocca_robot.contacts.find import find_contacts, require_sound
 from mocca_robot.errors import InputError
 from mocca_robot.motion.parts_graph import PartsGraph
 from mocca_robot.statics.load_factor import asked_combinations, load_factors
 from mocca_robot.verdicts.agreement import LOAD_AGREEMENT
 from mocca_robot.verdicts.physics import LoadVerdict
-from planners.cone_joints.designer import design
 from sim.loads import load_verdict
 from sim.shapes.contact_model import contact_model, telling_rays
 
@@ -75,16 +73,10 @@ def random_case(kind: str, seed: int) -> LoadComparison | str:
 
 
 def _config_cases(quick: bool, only: str | None) -> Iterator[tuple[str, Callable[[], LoadComparison | str]]]:
-    for path in sorted(CONFIGS.glob("*.yaml")):
-        if only and only not in path.stem and not only.startswith(f"{path.stem} "):
-            continue
-        config = load(path)
-        if quick and config.assembly.dimension == 3:
-            continue
-        built = design(config.assembly, config.joints, insertion=dict(config.insertion) or None).design.assembly
+    for stem, built in built_configs(quick, only):
         for k in range(LOADS_PER_CONFIG):
-            kind = LOADS[(2 * k + len(path.stem)) % len(LOADS)]
-            yield f"{path.stem} {kind}", partial(compared, built, kind, k)
+            kind = LOADS[(2 * k + len(stem)) % len(LOADS)]
+            yield f"{stem} {kind}", partial(compared, built, kind, k)
 
 
 def compared(assembly: Assembly, kind: str, seed: int) -> LoadComparison:
