@@ -12,7 +12,7 @@ from mocca_robot.arrays import Array, IntArray
 from mocca_robot.joints.bicubic import bicubic_joint
 from mocca_robot.joints.bumps import FLANK_SEGMENTS, BumpPattern, bump_pattern
 from mocca_robot.joints.families.family import Patch
-from mocca_robot.joints.families.sites import JointSite, JointSites
+from mocca_robot.joints.families.sites import JointSite, JointSites, about_middle
 from mocca_robot.joints.joint import Joint
 from mocca_robot.joints.options import JointOptions
 from mocca_robot.tolerances import ROUNDING
@@ -61,7 +61,7 @@ class Bump:
 
     def positions(self, sites: JointSites, rows: Array) -> Array:
         """Return (E, K, 2) the pattern about the rectangles' middles."""
-        return np.asarray(0.5 + rows[:, 1, None, None] * (self.pattern.xy - 0.5))
+        return about_middle(self.pattern.xy, rows[:, 1])
 
     def rise(self, rows: Array) -> tuple[Array, Array]:
         """Return the pattern's shares (K,) and the heights (E,)."""
@@ -80,6 +80,5 @@ class Bump:
 
     def joint(self, site: JointSite, row: Array, u: Array) -> Joint:
         """Return the joint of one row along u (3,)."""
-        low, high = 0.5 - 0.5 * float(row[1]), 0.5 + 0.5 * float(row[1])
         height = float(row[0] * site.length)
-        return bicubic_joint(site.contact, site.rectangle.part((low, low), (high, high)), height, u, self.segments)
+        return bicubic_joint(site.contact, site.middle(float(row[1])), height, u, self.segments)

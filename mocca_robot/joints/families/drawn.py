@@ -14,7 +14,7 @@ from mocca_robot.contacts.contact import Contact
 from mocca_robot.joints.bumps import FLANK_SEGMENTS
 from mocca_robot.joints.families.bump import SMALLEST
 from mocca_robot.joints.families.family import Patch
-from mocca_robot.joints.families.sites import JointSite, JointSites
+from mocca_robot.joints.families.sites import JointSite, JointSites, about_middle
 from mocca_robot.joints.families.tensor import Grid, KnotAxis, grid_joint, heights_from
 from mocca_robot.joints.joint import Joint
 from mocca_robot.joints.options import JointOptions
@@ -59,7 +59,7 @@ class Drawn:
 
     def positions(self, sites: JointSites, rows: Array) -> Array:
         """Return (E, K, 2) the grid about the rectangles' middles."""
-        return np.asarray(0.5 + rows[:, 1, None, None] * (self.grid.xy - 0.5))
+        return about_middle(self.grid.xy, rows[:, 1])
 
     def rise(self, rows: Array) -> tuple[Array, Array]:
         """Return the profile's shares (K,), and the heights (E,)."""
@@ -79,8 +79,7 @@ class Drawn:
 
     def joint(self, site: JointSite, row: Array, u: Array) -> Joint:
         """Return the joint of one row along u (3,)."""
-        low, high = 0.5 - 0.5 * float(row[1]), 0.5 + 0.5 * float(row[1])
-        covered = site.rectangle.part((low, low), (high, high))
+        covered = site.middle(float(row[1]))
         heights = (row[0] * site.length * np.ravel(self.profile)).tolist()
         columns = {"columns": float(len(self.profile[0]))}
         return grid_joint(site.contact, self.name, covered, u, self.grid, heights, columns)

@@ -33,6 +33,16 @@ class JointSite:
         """Return the shorter side, m: the same number, to the last bit, as `JointSites.lengths` has."""
         return float(np.linalg.norm((self.rectangle.l2 * self.rectangle.axis_y)[None], axis=1)[0])
 
+    def middle(self, size: float) -> Rectangle:
+        """Return the middle of the rectangle, `size` of its sides."""
+        low, high = 0.5 - 0.5 * size, 0.5 + 0.5 * size
+        return self.rectangle.part((low, low), (high, high))
+
+
+def about_middle(xy: Array, sizes: Array) -> Array:
+    """Return (E, K, 2) places xy (K, 2) in a rectangle's middle, `sizes` (E,) of its sides, in shares of the whole."""
+    return np.asarray(0.5 + sizes[:, None, None] * (xy - 0.5))
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class JointSites:
