@@ -257,7 +257,7 @@ def _rubbed(
     if not angles:
         return ()
     found = tilt_bracket(rubs, azimuth_rad, critical_rad)
-    stood = -1.0 if found.stood is None else found.stood.angle_rad
+    stood = -1.0 if found.stood is None else found.stood.place
     told = f"critical tilt {np.rad2deg(found.critical_rad):.2f}°"
 
     def physics(angle: float) -> Verdict:
@@ -265,6 +265,6 @@ def _rubbed(
             return Verdict.STANDS
         fell = found.fell
         decided = fell is not None and fell.standing.settled.outcome is SettlingOutcome.FALLS
-        return Verdict.FELL if fell is not None and decided and angle >= fell.angle_rad else Verdict.FAILED
+        return Verdict.FELL if fell is not None and decided and angle >= fell.place else Verdict.FAILED
 
     return tuple(Probe(a, expected, physics(a), told) for a, expected in angles)

@@ -9,8 +9,8 @@ import numpy as np
 from mocca_robot.arrays import Array
 from mocca_robot.statics.cases import case_at
 from mocca_robot.statics.loads import case_wrenches
-from sim.coulomb.judge import CoulombVerdict, Rubbing
-from sim.coulomb.onward import Line, LinePlace, last_stand
+from sim.coulomb.judge import Rubbing
+from sim.coulomb.onward import Bracket, Line, last_stand
 from sim.coulomb.settle import COURSE, Course
 
 RESOLUTION_RAD = float(np.deg2rad(0.1))
@@ -23,38 +23,20 @@ RAMP_PER_RAD = float(np.rad2deg(400.0))
 
 
 @dataclass(frozen=True, eq=False)
-class Tilted:
-    """What the assembly does at one tilt (radians)."""
-
-    angle_rad: float
-    standing: CoulombVerdict
-
-
-@dataclass(frozen=True, eq=False)
-class TiltBracket:
-    """Where a critical tilt lies.
-
-    Attributes:
-        stood: the largest tilt that stood; None when it does not stand upright.
-        fell: the smallest beyond that fell, or gave no verdict where none fell; None when it stands at every tilt.
-        runs: tilts that were tried.
-    """
-
-    stood: Tilted | None
-    fell: Tilted | None
-    runs: int
+class TiltBracket(Bracket):
+    """Where a critical tilt lies: the places of the bracket are tilts, radians."""
 
     @property
     def critical_rad(self) -> float:
         """Return the middle: 0 when it does not stand upright, π/2 when nothing up to there moves it."""
         if self.stood is None:
             return 0.0
-        return np.pi / 2 if self.fell is None else 0.5 * (self.stood.angle_rad + self.fell.angle_rad)
+        return np.pi / 2 if self.fell is None else 0.5 * (self.stood.place + self.fell.place)
 
     @property
     def within_rad(self) -> float:
         """Return by how much either way the critical tilt is uncertain."""
-        return 0.0 if self.stood is None else self.critical_rad - self.stood.angle_rad
+        return 0.0 if self.stood is None else self.critical_rad - self.stood.place
 
 
 def tilt_bracket(
@@ -89,8 +71,4 @@ def tilt_bracket(
             course=course,
         )
     )
-    return TiltBracket(_tilted(found.stood), _tilted(found.fell), found.runs)
-
-
-def _tilted(stop: LinePlace | None) -> Tilted | None:
-    return None if stop is None else Tilted(stop.place, stop.standing)
+    return TiltBracket(found.stood, found.fell, found.runs)

@@ -65,7 +65,7 @@ def tilt_verdict(rubbing: Rubbing, azimuth_rad: float) -> TiltVerdict:
         statics_rad=guess,
         friction=rubbing.friction,
         moved=() if fell is None else fell.standing.moved,
-        failed=(fell.angle_rad,) if fell is not None and silent else (),
+        failed=(fell.place,) if fell is not None and silent else (),
         within_rad=found.within_rad,
         engine=ENGINE,
     )
